@@ -200,8 +200,7 @@ def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
 def _task(finished: "Run") -> str:
     """Describe how the swarm did its task; of a large recording, where to find that."""
     from phalanx import UnreadableRecordingError
-    from phalanx.metrics.table import metrics_of
-    from phalanx.metrics.words import in_words
+    from phalanx.metrics.table import in_words, metrics_of
     from phalanx.recording.read import find, swarm_of
     from phalanx.theory.expressions.user_methods import MistakenMethodError
 

@@ -1,9 +1,10 @@
-"""Measures of one agent's task, from arrays alone.
+"""Metrics of each agent's task: its true states, and the inputs that took effect.
 
 Positions are output points at the recorded times t, shape (s, d); between them they count as
 straight. An input counts from the instant it is applied until the agent's next one.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +12,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.exact import dot, length
+from phalanx.recording.read import Recording, steps_by_agent
+from phalanx.recording.records import Step
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.exact import added, dot, length
+from phalanx.theory.rows.origin import Origin
+
+Value = float | bool | None
 
 _WINDOW = 50
 """Steps into which an agent's patience is divided."""
@@ -102,3 +109,96 @@ def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -
     stuck = (moved <= limits.still) & (away > limits.arrival)
     covered = np.convolve(stuck, np.ones(_WINDOW)) > 0
     return float(covered.sum() * step)
+
+
+def metrics_of_agents(
+    recording: Recording, swarm: Swarm, limits: Thresholds
+) -> list[dict[str, Value]]:
+    """Return each agent's metrics by name, in the scenario's order; None where one has no meaning.
+
+    Raises MistakenMethodError of a user's reference.
+    """
+    t, x, parts = recording.times, recording.x, swarm.safe_set.parts
+    end = float(t[-1]) if len(t) else 0.0
+    shape = len(t), len(swarm.names), swarm.groups[0].axes
+    p = np.array([swarm.positions(each) for each in x]).reshape(shape)
+    states = [{l: each[part] for l, part in enumerate(parts)} for each in x]
+    steps = steps_by_agent(recording).values()
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
+        return [
+            {
+                **_task(swarm, i, t, states, p[:, i], limits),
+                **_distances(swarm, i, p),
+                **_inputs(own, len(swarm.members[i].dynamics.inputs), end),
+            }
+            for i, own in enumerate(steps)
+        ]
+
+
+def _task(
+    swarm: Swarm, i: int, t: Array, states: Sequence[Mapping[int, Array]], p: Array,
+    limits: Thresholds,
+) -> dict[str, Value]:  # fmt: skip
+    """Return the metrics of agent i's goal, of which it may have none.
+
+    states: of all agents at each of the times t. p: agent i's positions [m], shape (s, d).
+    """
+    if not swarm.has_goal(i) or not len(t):
+        return {}
+    goal = swarm.goal(i)
+    desired = [goal(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
+    error = length(p - np.array(desired))
+    found: dict[str, Value] = {
+        "tracking_error_mean": mean_over_time(t, error),
+        "tracking_error_final": float(error[-1]),
+        "deadlock_time": deadlock_time(t, p, error, limits),
+    }
+    rest = goal.end()
+    if rest is None:
+        return found
+    distance = length(p - rest)
+    arrival = arrival_time(t, distance, limits.arrival)
+    return found | {
+        "distance_to_goal": float(distance[-1]),
+        "arrived": arrival is not None,
+        "arrival_time": arrival,
+    }
+
+
+def _distances(swarm: Swarm, i: int, p: Array) -> dict[str, Value]:
+    """Return agent i's least distances, from the positions of all, shape (s, N, d)."""
+    if not len(p):
+        return {}
+    others = np.delete(p, i, axis=1)
+    to_obstacles = [
+        float((obstacle.distances(p[:, i]) - obstacle.clearance).min())
+        for obstacle in swarm.scenario.obstacles
+    ]
+    to_others = length(others - p[:, i : i + 1]).min() if others.size else None
+    return {
+        "least_distance": None if to_others is None else float(to_others),
+        "least_clearance": min(to_obstacles, default=None),
+    }
+
+
+def _inputs(steps: Sequence[Step], width: int, end: float) -> dict[str, Value]:
+    """Return the metrics of an agent's inputs, `width` numbers each, up to the end [s]."""
+    if not steps:
+        return {}
+    ordered = sorted(steps, key=lambda step: step.t_apply)
+    applied = np.minimum([*(step.t_apply for step in ordered), end], end)
+    duration = np.maximum(np.diff(applied), 0.0)
+    unknown = (np.nan,) * width
+    u, u_nom = ([step.u for step in ordered], [step.u_nom or unknown for step in ordered])
+    inputs = InputSeries(duration, np.array(u), np.array(u_nom))
+    in_force = list(zip(ordered, duration.tolist(), strict=True))
+
+    def time_with(origin: Origin) -> float:
+        return added(seconds for step, seconds in in_force if step.origin == origin)
+
+    return {
+        "input_energy": input_energy(inputs),
+        "input_deviation_mean": input_deviation(inputs),
+        "backup_time": time_with(Origin.BACKUP),
+        "no_authority_time": time_with(Origin.NO_AUTHORITY),
+    }

@@ -1,12 +1,11 @@
-"""The metrics of a run as a data frame: one row for each agent, and one for the swarm."""
+"""The metrics of a run, of each agent and of the swarm: as numbers, data frame and text."""
 
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
-from phalanx.metrics.agents import Value, metrics_of_agents
-from phalanx.metrics.measures import Thresholds
+from phalanx.metrics.measures import Thresholds, Value, metrics_of_agents
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.swarm.swarm import Swarm
 
@@ -46,6 +45,8 @@ METRICS: Mapping[str, Metric] = {
     "least_clearance": Metric("m", "least distance from an obstacle less its clearance", min),
 }
 """Every metric by its name, in the order of columns."""
+METRIC_HEAD = ("agent", *(f"{n} [{m.unit}]" if m.unit else n for n, m in METRICS.items()))
+"""Titles of the columns of `metric_rows`."""
 
 
 def metrics_of(
@@ -140,3 +141,46 @@ def _of_own(name: str, value: Any, agents: Sequence[str]) -> dict[str, float]:
             raise ValueError(f"{name}: expected names of agents, got {unknown[0]!r}")
         return {agent: float(v) for agent, v in value.items()}
     raise ValueError(f"{name}: expected a number, or numbers by agent's name, got {value!r}")
+
+
+def in_words(metrics: Mapping[str, Mapping[str, Value]], normal: Sequence[str]) -> str:
+    """Describe how the swarm did its task, in a line; empty if no normal agent has a goal."""
+    swarm = metrics[SWARM]
+    if swarm["tracking_error_mean"] is None:
+        return ""
+    parts = [f"tracking error {_number(swarm['tracking_error_mean'])} m on average"]
+    arrived = [metrics[name]["arrived"] for name in normal]
+    resting = [each for each in arrived if each is not None]
+    if resting:
+        last = swarm["arrival_time"]
+        when = "" if last is None else f", the last at {_number(last)} s"
+        parts.insert(0, f"{sum(map(bool, resting))} of {len(resting)} arrived{when}")
+    if swarm["deadlock_time"]:
+        parts.append(f"deadlock for {_number(swarm['deadlock_time'])} s")
+    if swarm["least_distance"] is not None:
+        parts.append(f"least distance {_number(swarm['least_distance'])} m")
+    return ", ".join(parts)
+
+
+def metric_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, ...]]:
+    """Return a row of texts for each agent, the swarm's first."""
+    agents = sorted(metrics, key=lambda name: name != SWARM)
+    return [(name, *(_number(metrics[name][metric]) for metric in METRICS)) for name in agents]
+
+
+def swarm_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, str]]:
+    """Return each metric of the swarm by title; none if it has no value."""
+    found = metrics[SWARM]
+    return [
+        (title, _number(found[name]))
+        for (name, title) in zip(METRICS, METRIC_HEAD[1:], strict=True)
+        if found[name] is not None
+    ]
+
+
+def _number(value: Value) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}"

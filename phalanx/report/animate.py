@@ -23,7 +23,7 @@ from phalanx.recording.broadcasts import FATES, LOST
 from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_scene, scene_box
 from phalanx.report.safety import draw_h, required_distance
-from phalanx.report.style import LIMIT, NORMAL, PEAK, colours, style_axes, summarises
+from phalanx.report.style import LIMIT, NORMAL, PEAK, colours, summarises
 
 _FORMATS = (".gif", ".webp", ".mp4")
 _UNITS = {".gif": 10, ".webp": 1}
@@ -265,7 +265,6 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
 
 def _progress(axes: Axes, history: ReportHistory, film: Film) -> Show:
     """Draw h_tot, and a veil over what is still to come."""
-    style_axes(axes)
     draw_h(axes, history, largest=False)
     veil = Rectangle((0.0, 0.0), 1.0, 1.0, facecolor="white", alpha=0.8, zorder=3)
     veil.set_transform(axes.get_xaxis_transform())

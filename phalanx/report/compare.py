@@ -13,9 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.curves.history import ReportHistory
-from phalanx.curves.thinning import Series
-from phalanx.metrics.table import metrics_of
-from phalanx.metrics.words import swarm_rows
+from phalanx.curves.series import Series
+from phalanx.metrics.table import metrics_of, swarm_rows
 from phalanx.recording.read import read, swarm_of
 from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.links import link_statistics

@@ -153,11 +153,6 @@ def seconds(t: float | None) -> str:
     return "never" if t is None else f"{t:.3f} s"
 
 
-def milliseconds(seconds: float) -> str:
-    """A time [s] as text, in ms."""
-    return f"{1e3 * seconds:.4g} ms"
-
-
 def percent(part: int, whole: int) -> str:
     """A share as text; 0 of nothing."""
     return f"{100 * part / whole:.2f} %" if whole else "0 %"

@@ -13,22 +13,11 @@ from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
 from phalanx.curves.history import ReportHistory
-from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
+from phalanx.curves.series import LANE_STATES, lanes, zoom_window
 from phalanx.network.link import LinkModel
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.report.style import (
-    FEW,
-    LIMIT,
-    MOST_NAMED,
-    MUTED,
-    WORST,
-    current,
-    legend,
-    panels,
-    summarises,
-    title,
-)
+from phalanx.report import style
 from phalanx.theory.rows.origin import OF_CONTROLLERS, Origin
 
 _MOST_LINKS = 40
@@ -68,6 +57,10 @@ class LinkStatistics:
     """Of those not lost [s]."""
 
     @property
+    def name(self) -> str:
+        return f"{self.sender} → {self.receiver}"
+
+    @property
     def decided(self) -> int:
         """Broadcasts whose fate the receiver decided before the run ended."""
         return self.lost + len(self.delays)
@@ -86,18 +79,16 @@ class LinkStatistics:
 
 def link_statistics(recording: Recording) -> list[LinkStatistics]:
     """Every link on which a broadcast was decided, in the scenario's order of agents."""
-    steps = steps_by_agent(recording)
+    steps, links = steps_by_agent(recording), recording.scenario.links()
     decided: dict[tuple[str, str], list[float]] = defaultdict(list)
     for step in recording.steps:
         for sender, _, delay in step.fates:
             decided[sender, step.agent].append(delay)
-    found, links = [], recording.scenario.links()
-    for sender, receiver in ((a, b) for a in steps for b in steps if (a, b) in decided):
-        delays = decided[sender, receiver]
-        kept = [delay for delay in delays if delay >= 0.0]
-        model = links.model(sender, receiver)
-        lost = len(delays) - len(kept)
-        found.append(LinkStatistics(sender, receiver, model, len(steps[sender]), lost, kept))
+    found = []
+    for a, b in ((a, b) for a in steps for b in steps if (a, b) in decided):
+        kept = [delay for delay in decided[a, b] if delay >= 0.0]
+        lost = len(decided[a, b]) - len(kept)
+        found.append(LinkStatistics(a, b, links.model(a, b), len(steps[a]), lost, kept))
     return found
 
 
@@ -106,8 +97,8 @@ def losses(recording: Recording, links: Sequence[LinkStatistics]) -> Figure:
 
     With many agents, of every link over the number of broadcasts decided on it.
     """
-    many = summarises(recording.scenario)
-    figure, (axes,) = panels(1, 3.0 if many else 2.6)
+    many = style.summarises(recording.scenario)
+    figure, (axes,) = style.panels(1, 3.0 if many else 2.6)
     (_draw_all if many else _draw_worst)(axes, links)
     return figure
 
@@ -118,38 +109,40 @@ def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     places = np.arange(len(shown))
     asked = np.array([link.model.loss for link in shown])
     spread = 2.0 * np.sqrt(asked * (1.0 - asked) / [link.decided for link in shown])
-    axes.bar(places, [100 * link.loss for link in shown], width=0.6, color=MUTED, label="lost")
+    lost, small = [100 * link.loss for link in shown], style.current().small
+    axes.bar(places, lost, width=0.6, color=style.MUTED, label="lost")
     axes.errorbar(
-        places, 100 * asked, yerr=100 * spread, fmt="_", color=LIMIT, markersize=14, capsize=4,
-        label="link model, ±2 standard deviations of independent losses",
+        places, 100 * asked, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
+        capsize=4, label="link model, ±2 standard deviations of independent losses",
     )  # fmt: skip
-    axes.set_xticks(places, [f"{link.sender} → {link.receiver}" for link in shown])
-    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=current().small)
+    axes.set_xticks(places, [link.name for link in shown])
+    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=small)
     axes.set_ylim(0.0, max(1.0, 1.25 * axes.get_ylim()[1]))
     axes.set_ylabel("lost broadcasts [%]")
-    axes.legend(fontsize=current().small, frameon=False, loc="upper right", ncols=2)
+    axes.legend(fontsize=small, frameon=False, loc="upper right", ncols=2)
 
 
 def _draw_all(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     decided = np.array([link.decided for link in links])
     lost = np.array([100.0 * link.loss for link in links])
-    axes.plot(decided, lost, ".", color=MUTED, markersize=3, alpha=0.6, label=f"{len(links)} links")
+    label = f"{len(links)} links"
+    axes.plot(decided, lost, ".", color=style.MUTED, markersize=3, alpha=0.6, label=label)
     n = np.linspace(1.0, decided.max(), 200)
-    for p in sorted({link.model.loss for link in links})[:FEW]:
+    for p in sorted({link.model.loss for link in links})[: style.FEW]:
         spread = 200.0 * np.sqrt(p * (1.0 - p) / n)
         label = f"link model, {100 * p:.3g} %"
         (line,) = axes.plot(n, 0.0 * n + 100.0 * p, linewidth=1.2, label=label)
         band = np.maximum(100.0 * p - spread, 0.0), np.minimum(100.0 * p + spread, 100.0)
         label = "±2 standard deviations\nof independent losses"
         axes.fill_between(n, *band, color=line.get_color(), alpha=0.15, linewidth=0, label=label)
-    worst = sorted(links, key=lambda link: -link.excess)[:FEW]
-    for link, colour in zip(worst, WORST, strict=False):
-        label = f"{link.sender} → {link.receiver}: {link.lost} of {link.decided}"
+    worst = sorted(links, key=lambda link: -link.excess)[: style.FEW]
+    for link, colour in zip(worst, style.WORST, strict=False):
+        label = f"{link.name}: {link.lost} of {link.decided}"
         axes.plot(link.decided, 100.0 * link.loss, "o", color=colour, markersize=4, label=label)
     axes.set_ylim(-2.0, 1.3 * max(5.0, lost.max()))
     axes.set_xlabel("broadcasts decided on a link")
     axes.set_ylabel("lost [%]")
-    legend(axes)
+    style.legend(axes)
 
 
 def space_time(history: ReportHistory) -> Figure | None:
@@ -158,7 +151,7 @@ def space_time(history: ReportHistory) -> Figure | None:
         return None
     names, shown = history.swarm.names, _shown(history)
     heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
-    size = current().width, (sum(heights) + 1.6) * current().heights
+    size = style.current().width, (sum(heights) + 1.6) * style.current().heights
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
     steps = [history.agent(i) for i in range(len(names))]
@@ -195,17 +188,17 @@ def _draw_whole(axes: Axes, history: ReportHistory) -> None:
         aspect="auto", interpolation="nearest", extent=(0.0, end, count - 0.5, -0.5),
     )  # fmt: skip
     shown = range(0, count, -(-count // _MOST_LANES))
-    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=current().small)
+    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=style.current().small)
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
     found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
     counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
-    title(axes, f"{found.sum()} broadcasts on all links: {counts}")
+    style.title(axes, f"{found.sum()} broadcasts on all links: {counts}")
     handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
     axes.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=current().small,
-        frameon=False,
+        handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02),
+        fontsize=style.current().small, frameon=False,
     )  # fmt: skip
 
 
@@ -225,34 +218,34 @@ def _draw_zoom(
     sent = sent[np.isin(sent.sender, shown) & np.isin(sent.receiver, shown)]
     for code, fate in enumerate(FATES):
         of_fate = sent[sent.fate == code]
-        begins, ends, style = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
+        begins, ends, dashes = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
         if fate == LOST:  # a line half way to its receiver
-            ends, style = (begins + ends) / 2.0, "--"
+            ends, dashes = (begins + ends) / 2.0, "--"
             axes.plot(of_fate.arrival, ends, "x", color=_COLOURS[LOST], markersize=4)
         tails, heads = (of_fate.sent, begins), (of_fate.arrival, ends)
         segments = np.stack([np.column_stack(tails), np.column_stack(heads)], axis=1)
         axes.add_collection(
             LineCollection(
-                list(segments), linewidths=0.8, zorder=2, colors=_COLOURS[fate], linestyles=style,
+                list(segments), linewidths=0.8, zorder=2, colors=_COLOURS[fate], linestyles=dashes,
                 label=fate,
             )
         )  # fmt: skip
     axes.set_xlim(begin, end)
     axes.set_ylim(len(shown) - 0.5, -0.5)
-    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=current().small)
+    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=style.current().small)
     left = len(names) - len(shown)
     axes.set_ylabel("agent" + (f", {left} more not drawn" if left else ""))
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
-    title(axes, "around the worst moment")
-    legend(axes)
+    style.title(axes, "around the worst moment")
+    style.legend(axes)
 
 
 def _shown(history: ReportHistory) -> list[int]:
     """Agents in the zoom: all; of many the worst pair's, then those that missed most broadcasts."""
     safe_set, summary = history.swarm.safe_set, history.recording.summary
     count = len(history.swarm.names)
-    if count <= MOST_NAMED:
+    if count <= style.MOST_NAMED:
         return list(range(count))
     sent = history.broadcasts
     missed = np.bincount(sent.receiver[sent.fate != FATES.index(IN_TIME)], minlength=count)
@@ -260,7 +253,7 @@ def _shown(history: ReportHistory) -> list[int]:
     pair = next((p for p in safe_set.pairs if safe_set.label(p) == label), None)
     first = [] if pair is None else [i for i in pair if i < count]
     others = [i for i in np.argsort(-missed, kind="stable").tolist() if i not in first]
-    return sorted([*first, *others][:MOST_NAMED])
+    return sorted([*first, *others][: style.MOST_NAMED])
 
 
 def _blend(colour: str, share: Array) -> Array:

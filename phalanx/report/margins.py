@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from phalanx.arrays import Array, Mask
 from phalanx.curves.history import ReportHistory
-from phalanx.curves.thinning import Series
+from phalanx.curves.series import Series
 from phalanx.report import style
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import unit_of_psi

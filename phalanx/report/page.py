@@ -5,20 +5,10 @@ from html import escape
 from itertools import starmap
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
-from phalanx.metrics.words import METRIC_HEAD
+from phalanx.metrics.table import METRIC_HEAD
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
-from phalanx.report.html import (
-    MOST_ROWS,
-    document,
-    figure,
-    milliseconds,
-    note,
-    percent,
-    seconds,
-    section,
-    table,
-)
+from phalanx.report.html import MOST_ROWS, document, figure, note, percent, seconds, section, table
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
 from phalanx.theory.rows.origin import (
@@ -33,8 +23,6 @@ _NO_VERSION = ("run", "seed", "scenario_digest")
 """Entries of a recording's metadata that are no library's version."""
 _VIOLATIONS = ("pair", "first", "worst h", "worst at", "time with h > 0")
 _PUNCTUALITY = ("quantity", "of this run")
-_TRUST = ("count", "found")
-_NOT_COUNTED = "Not counted: of agents that had turned adversary"
 _ASSUMPTIONS = ("assumption", "meaning", "failed", "first failure")
 
 _MEANING = {
@@ -57,10 +45,11 @@ def page(
 
     Metrics are rows of METRIC_HEAD, figures are (caption, PNG), notes say what is not drawn.
     """
-    title = f"{recording.scenario.name}, seed {recording.scenario.seed}"
+    scenario = recording.scenario
+    title = f"{scenario.name}, seed {scenario.seed}"
     parts = [
         f"<h1>{escape(title)}</h1>",
-        f'<p class="quiet">{escape(recording.scenario.description)}</p>',
+        f'<p class="quiet">{escape(scenario.description)}</p>',
         *_origin(recording),
         _verdict(recording),
         section("Key figures", table((), key_figures(recording))),
@@ -69,7 +58,8 @@ def page(
         section("Links", _links(links)),
         section("Figures", "\n".join([*starmap(figure, figures), *map(note, notes)])),
         section("Events", table(("t", "event"), [(seconds(e.t), e.text) for e in recording.log])),
-        _details(recording),
+        "<details><summary>The scenario, with every default</summary>"
+        f"<pre>{escape(scenario.model_dump_json(by_alias=True, indent=2))}</pre></details>",
     ]
     return document(title, parts, "64rem")
 
@@ -148,8 +138,8 @@ def _judgement(summary: Summary | None) -> list[str]:
     if summary is None:
         return []
     guarantee, theorem = (
-        [(a.name, a.note, f"{a.failed} of {a.checked}", seconds(a.first)) for a in table]
-        for table in (summary.assumptions, summary.theorem)
+        [(a.name, a.note, f"{a.failed} of {a.checked}", seconds(a.first)) for a in assumptions]
+        for assumptions in (summary.assumptions, summary.theorem)
     )
     violations, apart = (
         [
@@ -158,53 +148,32 @@ def _judgement(summary: Summary | None) -> list[str]:
         ]
         for found in (summary.violations, summary.apart)
     )
-    t = summary.punctuality
+    punctuality, trust = summary.punctuality, summary.trust
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
-    return [
-        section("Assumptions of the guarantee", table(_ASSUMPTIONS, guarantee)),
-        section("Assumptions of the paper's theorem", table(_ASSUMPTIONS, theorem)),
-        section("Violations", table(_VIOLATIONS, violations)),
-        *([section(_NOT_COUNTED, table(_VIOLATIONS, apart))] if apart else []),
-        *([section("Real time", table(_PUNCTUALITY, timing_rows(t)))] if t else []),
-        *(
-            [section("Trust", table(("count", "found"), summary.trust.rows))]
-            if summary.trust
-            else []
-        ),
-        section("Declared faults", table(("fault", "times it had an effect"), faults)),
-        section("Rejected payloads", table(("receiver or reason", "payloads"), rejected)),
-    ]
+    tables: dict[str, tuple[Sequence[str], Sequence[Sequence[str]] | None]] = {
+        "Assumptions of the guarantee": (_ASSUMPTIONS, guarantee),
+        "Assumptions of the paper's theorem": (_ASSUMPTIONS, theorem),
+        "Violations": (_VIOLATIONS, violations),
+        "Not counted: of agents that had turned adversary": (_VIOLATIONS, apart or None),
+        "Real time": (_PUNCTUALITY, timing_rows(punctuality) if punctuality else None),
+        "Trust": (("count", "found"), trust.rows if trust else None),
+        "Declared faults": (("fault", "times it had an effect"), faults),
+        "Rejected payloads": (("receiver or reason", "payloads"), rejected),
+    }
+    return [section(t, table(head, rows)) for t, (head, rows) in tables.items() if rows is not None]
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:
     shown = sorted(links, key=lambda link: -link.excess) if len(links) > MOST_ROWS else links
     head = ("link", "sent", "decided", "lost", "loss", "scenario's loss",
             "mean delay", "least", "most", "scenario's delay")  # fmt: skip
-    rows = [
-        (
-            f"{link.sender} → {link.receiver}",
-            str(link.sent),
-            str(link.decided),
-            str(link.lost),
-            percent(link.lost, link.decided),
-            link.model.described(LOSS),
-            *_delays(link.delays),
-            link.model.described(DELAY),
-        )
-        for link in shown[:MOST_ROWS]
-    ]
+    rows = []
+    for link in shown[:MOST_ROWS]:
+        d = link.delays
+        times = (sum(d) / len(d), min(d), max(d)) if d else ()
+        delays = [f"{1e3 * t:.4g} ms" for t in times] or ["none arrived"] * 3
+        counts, loss = (link.sent, link.decided, link.lost), percent(link.lost, link.decided)
+        of_model = link.model.described
+        rows.append((link.name, *map(str, counts), loss, of_model(LOSS), *delays, of_model(DELAY)))
     return table(head, rows, len(links))
-
-
-def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
-    if not delays:
-        return ("none arrived",) * 3
-    mean = sum(delays) / len(delays)
-    return milliseconds(mean), milliseconds(min(delays)), milliseconds(max(delays))
-
-
-def _details(recording: Recording) -> str:
-    text = escape(recording.scenario.model_dump_json(by_alias=True, indent=2))
-    title = "The scenario, with every default"
-    return f"<details><summary>{title}</summary><pre>{text}</pre></details>"

@@ -8,18 +8,8 @@ from matplotlib.patches import Circle
 
 from phalanx.arrays import Array, Index
 from phalanx.curves.history import RecordedHistory
+from phalanx.report import style
 from phalanx.report.safety import required_distance
-from phalanx.report.style import (
-    LIMIT,
-    MUTED,
-    PEAK,
-    WORST,
-    colours,
-    current,
-    legend,
-    style_axes,
-    summarises,
-)
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.function import Drawable, Line
 from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
@@ -35,22 +25,22 @@ def paths(history: RecordedHistory) -> Figure:
     """Draw paths in the plane; for 3-D positions, seen from above and from the side."""
     planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
     low, high = scene_box(history)
-    width, style = high[0] - low[0], current()
-    heights = [(style.width - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
+    width, look = high[0] - low[0], style.current()
+    heights = [(look.width - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
     # A flat or tall scene would make a sliver or a tower of a figure.
-    heights = [min(max(h, 2.5 * style.heights), 8.5 * style.heights) for h in heights]
-    figure = Figure((style.width, sum(heights) + 0.5), layout="constrained", facecolor="white")
+    heights = [min(max(h, 2.5 * look.heights), 8.5 * look.heights) for h in heights]
+    figure = Figure((look.width, sum(heights) + 0.5), layout="constrained", facecolor="white")
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         draw_scene(axes, history, plane)
         draw_paths(axes, history, plane)
-    legend(rows[0])
+    style.legend(rows[0])
     return figure
 
 
 def draw_paths(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
     """Draw the paths of all agents; of many by role, and only the worst pair's by name."""
-    (_draw_roles if summarises(history.scenario) else _draw_agents)(axes, history, plane)
+    (_draw_roles if style.summarises(history.scenario) else _draw_agents)(axes, history, plane)
 
 
 def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
@@ -84,10 +74,10 @@ def _draw_agents(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -
     scenario = history.scenario
     keep = _kept_states(history, _PATH_POINTS)
     radius = required_distance(scenario)
-    palette = colours(scenario)
+    palette = style.colours(scenario)
     at_worst = history.positions[history.worst][:, plane]
     label = f"worst, {history.times[history.worst]:.2f} s"
-    axes.plot(*at_worst.T, "x", color=PEAK, markersize=5, label=label, zorder=3)
+    axes.plot(*at_worst.T, "x", color=style.PEAK, markersize=5, label=label, zorder=3)
     for i, (name, group, _) in enumerate(scenario.roster()):
         p = history.positions[:, i][:, plane]
         label = f"{name} ({group.role})"
@@ -112,11 +102,11 @@ def _draw_roles(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) ->
             axes.add_collection(LineCollection(list(paths[of_role]), colors=colour, linewidths=0.8))
             axes.plot(*paths[of_role, -1].T, "s", color=colour, markersize=2.5, label=label)
     at = int(history.worst_pairs.h.argmax())
-    for i, colour in zip(history.worst_pairs.pairs[at].tolist(), WORST, strict=False):
+    for i, colour in zip(history.worst_pairs.pairs[at].tolist(), style.WORST, strict=False):
         if i < len(roster):
             p, name = history.positions[:, i][:, plane], roster[i][0]
             axes.plot(*p[keep].T, color=colour, linewidth=1.3, label=f"{name}, of the worst pair")
-            axes.plot(*p[at], "x", color=PEAK, markersize=6, zorder=3)
+            axes.plot(*p[at], "x", color=style.PEAK, markersize=6, zorder=3)
             axes.annotate(name, p[at], xytext=(5, 4), textcoords="offset points", color=colour)
         else:
             other = history.swarm.safe_set.labels[i]
@@ -125,7 +115,7 @@ def _draw_roles(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) ->
 
 def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
     """Draw obstacles, and the path of the formation's centre up to the last state, to scale."""
-    style_axes(axes)
+    style.style_axes(axes)
     low, high = scene_box(history)
     axes.set_aspect("equal")
     axes.set_xlim(low[plane[0]], high[plane[0]])
@@ -141,8 +131,8 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
         if isinstance(obstacle, Sphere):
             reach = obstacle.clearance
             axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
-        small = current().small
-        axes.annotate(str(k), center, ha="center", va="center", fontsize=small, color=LIMIT)
+        small = style.current().small
+        axes.annotate(str(k), center, ha="center", va="center", fontsize=small, color=style.LIMIT)
     for line in _outlines(scenario):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:
@@ -150,12 +140,12 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
         path = np.array([scenario.formation.center(t).position for t in times])
         # A planar formation of agents in space runs at height 0.
         path = np.pad(path, ((0, 0), (0, history.positions.shape[2] - path.shape[1])))
-        axes.plot(*path[:, plane].T, color=MUTED, linestyle="--", linewidth=1.2, label="formation")
+        axes.plot(*path[:, plane].T, "--", color=style.MUTED, linewidth=1.2, label="formation")
 
 
-def _add_circle(axes: Axes, center: Array, radius: float, style: object, colour: str) -> None:
+def _add_circle(axes: Axes, center: Array, radius: float, dashes: object, colour: str) -> None:
     place = center[0], center[1]
-    axes.add_patch(Circle(place, radius, fill=False, ls=style, lw=0.9, edgecolor=colour))
+    axes.add_patch(Circle(place, radius, fill=False, ls=dashes, lw=0.9, edgecolor=colour))
 
 
 def _draw_wall(axes: Axes, wall: Wall, plane: tuple[int, int]) -> None:

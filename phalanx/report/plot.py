@@ -10,7 +10,7 @@ from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_paths, draw_scene
 from phalanx.report.safety import draw_h
 from phalanx.report.steps import draw_certified, draw_shares
-from phalanx.report.style import SCREEN, current, drawn_for, legend, style_axes, summarises
+from phalanx.report.style import SCREEN, current, drawn_for, legend, summarises
 
 _HEIGHT, _PATHS = 2.5, 5.0
 """Of a panel, and of the paths [inch]."""
@@ -65,26 +65,15 @@ def _paths(axes: Axes, history: ReportHistory) -> None:
     legend(axes)
 
 
-def _h(axes: Axes, history: ReportHistory) -> None:
-    style_axes(axes)
-    draw_h(axes, history, summarises(history.scenario))
-
-
 def _inputs(axes: Axes, history: ReportHistory) -> None:
-    style_axes(axes)
     draw_shares(axes, history)
     axes.set_xlabel("t [s]")
 
 
-def _certified(axes: Axes, history: ReportHistory) -> None:
-    style_axes(axes)
-    draw_certified(axes, history)
-
-
 PANELS: dict[str, Callable[[Axes, ReportHistory], None]] = {
     "paths": _paths,
-    "h": _h,
+    "h": lambda axes, history: draw_h(axes, history, summarises(history.scenario)),
     "inputs": _inputs,
-    "certified": _certified,
+    "certified": draw_certified,
 }
 """What draws each panel, by its name."""

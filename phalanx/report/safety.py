@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
 from phalanx.curves.history import RecordedHistory, ReportHistory
-from phalanx.curves.thinning import Series, envelope, kept
+from phalanx.curves.series import Series, envelope, kept
 from phalanx.recording.read import Recording
 from phalanx.report import style
 from phalanx.report.style import LIMIT, NORMAL, PEAK
@@ -64,6 +64,7 @@ def draw_h(axes: Axes, history: ReportHistory, largest: bool) -> None:
     """Draw h_tot over time, with its worst value; largest: whether also the largest h of a pair."""
     peak = worst(history.recording)
     assert peak is not None
+    style.style_axes(axes)
     shown = kept(history.h_tot)
     t, h = history.times[shown], history.h_tot[shown]
     axes.plot(t, h, color=NORMAL, linewidth=1.2, label=r"$h_{tot}$")

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
 from phalanx.curves.history import EMPTY_CODES, AgentSeries, RecordedHistory, ReportHistory
-from phalanx.curves.quantities import InputCurve, input_curves, input_polytope, step_series
-from phalanx.curves.thinning import Series
+from phalanx.curves.series import InputCurve, Series, input_curves, input_polytope, step_series
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.report import style
 from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
@@ -34,6 +33,7 @@ def certified(history: RecordedHistory) -> Figure | None:
 def draw_certified(axes: Axes, history: RecordedHistory) -> None:
     """Draw the same on given axes, with what is below τ counted."""
     swarm, palette = history.swarm, style.colours(history.scenario)
+    style.style_axes(axes)
     every = _curves(history, "certified", swarm.normal)
     curves = {name: series.known() for name, series in every.items()}
     if style.summarises(history.scenario):
@@ -165,6 +165,7 @@ def inputs_of_all(history: RecordedHistory) -> Figure:
 
 def draw_shares(axes: Axes, history: RecordedHistory) -> None:
     """Draw the share of their bounds that normal agents use; each by name if they are few."""
+    style.style_axes(axes)
     swarm, palette, curves = history.swarm, style.colours(history.scenario), dict[str, Series]()
     for i in swarm.normal:
         U, steps = input_polytope(swarm, i), history.agent(i)

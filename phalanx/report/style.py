@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from phalanx.arrays import Array
-from phalanx.curves.thinning import Envelope, Series, envelope, kept
+from phalanx.curves.series import Envelope, Series, envelope, kept
 from phalanx.scenario.model import Scenario
 
 _NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")

@@ -10,8 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from phalanx.curves.history import ReportHistory
-from phalanx.metrics.table import metrics_of
-from phalanx.metrics.words import metric_rows
+from phalanx.metrics.table import metric_rows, metrics_of
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
@@ -51,30 +50,26 @@ def write_report(
 
     Returns the path of report.html. Raises UnreadableRecordingError, OSError, ValueError.
     """
-    with drawn_for(style):
-        return _write_report(run, progress, vector=style == "paper")
-
-
-def _write_report(run: Path, progress: Callable[[str], None] | None, vector: bool) -> Path:
-    recording = read(run)
-    folder = recording.path.parent
-    (folder / "figures").mkdir(exist_ok=True)
-    history, links = ReportHistory(recording), link_statistics(recording)
     drawn: list[tuple[str, bytes]] = []
     place = 0
-    for figure in draw_figures(history, links):
-        if progress:
-            progress(figure.name)
-        if vector:
-            figure.figure.savefig(folder / "figures" / f"{figure.name}.pdf", metadata=_DATELESS)
-        image = image_of(figure.figure)
-        (folder / "figures" / f"{figure.name}.png").write_bytes(image)
-        drawn.append((figure.caption, image))
-        if figure.name == "certified":
-            place = len(drawn)
-    if (branches := folder / "figures" / INEVITABLE).exists():
+    with drawn_for(style):
+        recording = read(run)
+        figures = recording.path.parent / "figures"
+        figures.mkdir(exist_ok=True)
+        history, links = ReportHistory(recording), link_statistics(recording)
+        for figure in draw_figures(history, links):
+            if progress:
+                progress(figure.name)
+            if style == "paper":
+                figure.figure.savefig(figures / f"{figure.name}.pdf", metadata=_DATELESS)
+            image = image_of(figure.figure)
+            (figures / f"{figure.name}.png").write_bytes(image)
+            drawn.append((figure.caption, image))
+            if figure.name == "certified":
+                place = len(drawn)
+    if (branches := figures / INEVITABLE).exists():
         drawn.insert(place or len(drawn), (_INEVITABLE, branches.read_bytes()))
-    report = folder / REPORT
+    report = recording.path.parent / REPORT
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report.write_text(page(recording, metrics, links, drawn, notes(history)), encoding="utf-8")
     return report

@@ -1,35 +1,19 @@
 """phalanx view, viewer and export: a run on a page, live or recorded, and as one file."""
 
 import importlib.util
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.option_checks import (
-    endpoint_for,
-    identity_for,
-    live_run,
-    require_file,
-    require_folder,
-    require_other,
-    require_png,
-    require_port,
-    require_run,
-)
-from phalanx.cli.options import (
-    CommandSecret,
-    Connect,
-    Insecure,
-    KeysFolder,
-    RunArgument,
-    RunId,
-    Secret,
-    Timeout,
-    Trust,
-)
+from phalanx.cli import option_checks as checks
+from phalanx.cli import options
 from phalanx.launcher.streams import echo, echo_error
+
+if TYPE_CHECKING:
+    from phalanx.wire.membership import Membership
+
+_FILE, _FOLDER = checks.require_file, checks.require_folder
 
 RunOrRecording = Annotated[
     Path | None,
@@ -37,13 +21,15 @@ RunOrRecording = Annotated[
 ]
 LiveRun = Annotated[
     str,
-    typer.Option("--run", envvar="PHALANX_RUN", callback=require_run, help="Name of the live run."),
+    typer.Option(
+        "--run", envvar="PHALANX_RUN", callback=checks.require_run, help="Name of the live run."
+    ),
 ]
 Host = Annotated[str, typer.Option(envvar="PHALANX_HOST", help="Address to serve the page on.")]
 Port = Annotated[
     int | None,
     typer.Option(
-        callback=require_port,
+        callback=checks.require_port,
         envvar="PHALANX_PORT",
         help="Port to serve the page on; by default 8080 or the next free one.",
         show_default=False,
@@ -69,17 +55,17 @@ def register(app: typer.Typer) -> None:
 
 def view(
     recording: RunOrRecording = None,
-    connect: Connect = "",
+    connect: options.Connect = "",
     run: LiveRun = "",
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
-    command_secret: CommandSecret = "",
+    secret: options.Secret = "",
+    keys: options.KeysFolder = None,
+    insecure: options.Insecure = False,
+    command_secret: options.CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
-    timeout: Timeout = 60.0,
-    trust: Trust = False,
+    timeout: options.Timeout = 60.0,
+    trust: options.Trust = False,
 ) -> int:
     """Show a run on a page: a recording, or a live one over Zenoh. Ctrl-C ends it.
 
@@ -89,41 +75,49 @@ def view(
       phalanx view --connect tcp/127.0.0.1:7447 --run r1
     """
     require_either(recording, connect, run)
+    from phalanx.wire.keys import OPERATOR, VIEWER
+    from phalanx.wire.membership import Membership
+
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
-        return _show_folder(recording, insecure, command_secret, page)
-    identity_folder = identity_for(keys, connect, insecure)
-    return _show_live(run, connect, secret, identity_folder, command_secret, timeout, page)
+        found = checks.live_run(recording, insecure)
+        return _show(found.membership if found else None, recording, command_secret, page)
+    identity_folder = checks.identity_for(keys, connect, insecure)
+    identity = OPERATOR if identity_folder and command_secret else VIEWER
+    membership = Membership(run, connect, secret.encode(), identity, timeout, identity_folder)
+    return _show(membership, None, command_secret, page)
 
 
 def viewer(
-    run: RunId,
-    connect: Connect = "",
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
-    command_secret: CommandSecret = "",
+    run: options.RunId,
+    connect: options.Connect = "",
+    secret: options.Secret = "",
+    keys: options.KeysFolder = None,
+    insecure: options.Insecure = False,
+    command_secret: options.CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
-    timeout: Timeout = 60.0,
-    trust: Trust = False,
+    timeout: options.Timeout = 60.0,
+    trust: options.Trust = False,
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
-    page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
-    endpoint = endpoint_for(connect, keys)
-    identity_folder = identity_for(keys, endpoint, insecure)
-    return _show_live(run, endpoint, secret, identity_folder, command_secret, timeout, page)
+    endpoint = checks.endpoint_for(connect, keys)
+    return view(
+        None, endpoint, run, secret, keys, insecure, command_secret, host, port, origins, timeout,
+        trust,
+    )  # fmt: skip
 
 
 def export(
-    run: RunArgument,
+    run: options.RunArgument,
     html: Annotated[
         Path | None,
-        typer.Option(callback=require_file, help="Write one HTML file with scene and plots there."),
+        typer.Option(callback=_FILE, help="Write one HTML file with scene and plots there."),
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(callback=require_png, help="Write a picture there, a PNG file.")
+        Path | None,
+        typer.Option(callback=checks.require_png, help="Write a picture there, a PNG file."),
     ] = None,
     at: Annotated[
         float | None,
@@ -131,24 +125,17 @@ def export(
     ] = None,
     mcap: Annotated[
         Path | None,
-        typer.Option(
-            callback=require_file, help="Write a recording for Foxglove and others there."
-        ),
+        typer.Option(callback=_FILE, help="Write a recording for Foxglove and others there."),
     ] = None,
     rerun: Annotated[
         Path | None,
-        typer.Option(
-            callback=require_file, help="Write a recording for rerun there; needs rerun-sdk."
-        ),
+        typer.Option(callback=_FILE, help="Write a recording for rerun there; needs rerun-sdk."),
     ] = None,
     parquet: Annotated[
-        Path | None,
-        typer.Option(callback=require_folder, help="Write the run's tables there, a folder."),
+        Path | None, typer.Option(callback=_FOLDER, help="Write the run's tables there, a folder.")
     ] = None,
-    csv: Annotated[
-        Path | None, typer.Option(callback=require_folder, help="The same as CSV.")
-    ] = None,
-    trust: Trust = False,
+    csv: Annotated[Path | None, typer.Option(callback=_FOLDER, help="The same as CSV.")] = None,
+    trust: options.Trust = False,
 ) -> int:
     """Export a run: HTML that plays without a server, a picture, or data for other tools.
 
@@ -176,7 +163,7 @@ def export(
     configure_logging()
     try:
         for option, path in files.items():
-            require_other(f"--{option}", path, [find(run)])
+            checks.require_other(f"--{option}", path, [find(run)])
         with spinner("exporting") as show:
             show("reading the recording")
             recorded = read(run, trust)
@@ -191,45 +178,16 @@ def export(
     return 0
 
 
-def _show_folder(run: Path, insecure: bool, command_secret: str, page: dict[str, Any]) -> int:
-    """Show a live run and then its recording, or a recording."""
-    from phalanx_viewer.main import run_live, run_replay
-
-    found = live_run(run, insecure)
-    if found is None:
-        return _run_page(lambda: run_replay(run, **page))
-    commands = command_secret.encode()
-    return _run_page(
-        lambda: run_live(found.membership, recording=run, command_secret=commands, **page)
-    )
-
-
-def _show_live(
-    run: str,
-    connect: str,
-    secret: str,
-    identity_folder: Path | None,
-    command_secret: str,
-    timeout: float,
-    page: dict[str, Any],
+def _show(
+    membership: "Membership | None", recording: Path | None, secret: str, page: dict[str, Any]
 ) -> int:
-    from phalanx.wire.keys import OPERATOR, VIEWER
-    from phalanx.wire.membership import Membership
-    from phalanx_viewer.main import run_live
-
-    identity = OPERATOR if identity_folder and command_secret else VIEWER
-    membership = Membership(run, connect, secret.encode(), identity, timeout, identity_folder)
-    commands = command_secret.encode()
-    return _run_page(lambda: run_live(membership, command_secret=commands, **page))
-
-
-def _run_page(show: Callable[[], int]) -> int:
-    """Show a page until SIGINT or SIGTERM; print a failure as one line."""
+    """Show a live run, a recording, or one and then the other; print a failure as one line."""
     from phalanx.launcher.programs import configure_logging
+    from phalanx_viewer.main import run
 
     configure_logging()
     try:
-        return show()
+        return run(membership, recording, command_secret=secret.encode(), **page)
     except (RuntimeError, ValueError, OSError) as error:
         echo_error(error)
         return 3

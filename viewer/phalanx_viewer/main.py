@@ -1,13 +1,11 @@
-"""Programs of the viewer: show a live run or a recording on a page until SIGINT or SIGTERM."""
+"""The viewer's program: show a live run or a recording on a page until SIGINT or SIGTERM."""
 
 import logging
 import secrets
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.wire.membership import Membership
-from phalanx_viewer.feeds.feed import stop_request
+from phalanx_viewer.feeds.feed import keep_up, stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.page.page import Page
@@ -15,26 +13,23 @@ from phalanx_viewer.scene.server import choose_port
 
 log = logging.getLogger("phalanx.viewer")
 
-_TICK = 1.0 / 30.0
-"""Wall time between two updates of the page [s]."""
 
-
-def run_live(
-    membership: Membership,
+def run(
+    membership: Membership | None,
+    recording: Path | None,
     *,
-    recording: Path | None = None,
     command_secret: bytes = b"",
     token: str = "",
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
-    trust: bool = True,
+    trust: bool = False,
 ) -> int:
-    """Show a live run, then its recording, until SIGINT or SIGTERM; return exit status 0.
+    """Show a live run, a recording, or one and then the other; return exit status 0.
 
     Args:
-        membership: of the run.
-        recording: its folder, to replay it when it is over; None: the last frame stays.
+        membership: of the live run.
+        recording: a run's folder or its recording; None: the live run's last frame stays.
         command_secret: seals commands to the run; empty: read-only.
         token: secret in the address of visitors that may command it; by default a new one.
         host: address to serve the page on.
@@ -42,44 +37,29 @@ def run_live(
         origins: further origins whose pages may connect; needed behind a proxy only.
         trust: whether code that the run's scenario names may be imported.
 
-    Raises HubError, NoRunError, and ValueError, PortTakenError if the page cannot be served there.
+    Raises HubError, NoRunError, UnreadableRecordingError, ValueError, and PortTakenError if the
+    page cannot be served there.
     """
-    stop_requested = stop_request()
-    choose_port(host, port)  # raises before a run is waited for
-    with Live(membership, command_secret, trust) as live:
-        if command_secret and not live.commandable:
-            log.warning("the plant obeys no commands: it was started without a command secret")
-        token = token or secrets.token_urlsafe(16)
-        page = Page(host, port, origins, live, token)
-        _announce(page, f"/?token={token}" if live.commandable else "")
-        _tick(page, lambda: stop_requested() or (recording is not None and live.over))
-    if recording is not None and not stop_requested():
+    stop_requested, page = stop_request(), None
+    choose_port(host, port)  # raises before a run is waited for, or a long recording is read
+    if membership is not None:
+        with Live(membership, command_secret, trust) as live:
+            if command_secret and not live.commandable:
+                log.warning("the plant obeys no commands: it was started without a command secret")
+            token = token or secrets.token_urlsafe(16)
+            page = Page(host, port, origins, live, token)
+            _announce(page, f"/?token={token}" if live.commandable else "")
+            keep_up(page.tick, lambda: stop_requested() or (recording is not None and live.over))
+    if page is None:
+        assert recording is not None
+        page = Page(host, port, origins, _load(recording, trust))
+        _announce(page)
+    elif recording is not None and not stop_requested():
         try:
             page.replay(_load(recording, trust))
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
-        _tick(page, stop_requested)
-    page.server.stop()
-    return 0
-
-
-def run_replay(
-    recording: Path,
-    *,
-    host: str = "127.0.0.1",
-    port: int | None = None,
-    origins: tuple[str, ...] = (),
-    trust: bool = False,
-) -> int:
-    """Show a run folder or recording file until SIGINT or SIGTERM; arguments as in run_live.
-
-    Raises UnreadableRecordingError, ValueError, PortTakenError.
-    """
-    stop_requested = stop_request()
-    choose_port(host, port)  # raises before a long recording is read
-    page = Page(host, port, origins, _load(recording, trust))
-    _announce(page)
-    _tick(page, stop_requested)
+    keep_up(page.tick, stop_requested)
     page.server.stop()
     return 0
 
@@ -97,10 +77,3 @@ def _announce(page: Page, token: str = "") -> None:
     where = f"http://{page.server.get_host()}:{page.server.get_port()}"
     print(f"viewer: {where}{token}", flush=True)
     log.info("showing the run at %s", where)  # without the token: others read logs too
-
-
-def _tick(page: Page, over: Callable[[], bool]) -> None:
-    """Keep the page up to date until `over` returns true."""
-    while not over():
-        page.tick()
-        time.sleep(_TICK)

@@ -1,6 +1,5 @@
 """A run's page, served by a process of its own."""
 
-import contextlib
 import multiprocessing
 import os
 import shlex
@@ -8,11 +7,11 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from html import escape
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Self
 
 from phalanx.compat.forkserver import without_main
 from phalanx.launcher.live import find_live
@@ -30,7 +29,7 @@ _GRACE = 2.5
 """Longest time that a page outlives the process that opened it [s]."""
 
 
-class ViewerPage:
+class ViewerPage(AbstractContextManager["ViewerPage"]):
     """The page of one replay; close it, or leave its `with` block, to end the server."""
 
     def __init__(self, recording: Path, port: int | None = None) -> None:
@@ -59,9 +58,6 @@ class ViewerPage:
         self._server.terminate()
         self._server.communicate()
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -76,7 +72,7 @@ class ViewerPage:
         return f"{frame}<p>{served}; afterwards: <code>{again}</code></p>"
 
 
-class LivePage:
+class LivePage(AbstractContextManager["LivePage"]):
     """The page of a run while it goes on, then of its recording; started again if it dies."""
 
     def __init__(
@@ -126,9 +122,6 @@ class LivePage:
             self._process.terminate()
         self.wait()
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -172,20 +165,16 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
     redirect_output(folder / "logs" / _LOG)
     end_with_launcher(_GRACE)
     configure_logging()
-    from phalanx_viewer.main import run_live, run_replay
+    from phalanx_viewer.main import run
 
     # A user who runs a scenario trusts the code that it names.
     while (found := find_live(folder)) is not None:
         membership = replace(found.membership, timeout=_TIMEOUT)
-        with contextlib.suppress(HubError):  # it may be over meanwhile
+        with suppress(HubError):  # it may be over meanwhile
             sys.exit(
-                run_live(
-                    membership,
-                    recording=folder,
-                    command_secret=command_secret,
-                    token=token,
-                    port=port,
+                run(
+                    membership, folder, command_secret=command_secret, token=token, port=port,
                     trust=True,
                 )
-            )
-    sys.exit(run_replay(folder, port=port, trust=True))
+            )  # fmt: skip
+    sys.exit(run(None, folder, port=port, trust=True))

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from phalanx_viewer.scene.kinematics import rotations_to
-from phalanx_viewer.scene.model import scene_model
+from phalanx_viewer.scene.model import rotations_to, scene_model
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load

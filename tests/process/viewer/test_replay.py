@@ -8,10 +8,10 @@ import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.plots.content import Content, Plot
 from phalanx_viewer.plots.plots import content, values_at
-from phalanx_viewer.scene.picture import picture
+from phalanx_viewer.scene.picture import Picture
 
 from phalanx.curves.history import EMPTY_CODES
-from phalanx.curves.quantities import LEAST_HORIZON
+from phalanx.curves.series import LEAST_HORIZON
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
@@ -189,7 +189,7 @@ def test_what_an_agent_applied_is_what_the_recording_says(replay: Replay, finish
 
 
 def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
-    pictures = [picture(replay.model, replay.frame(t)) for t in np.arange(0.5, 3.5, 0.1)]
+    pictures = [Picture(replay.model, replay.frame(t)) for t in np.arange(0.5, 3.5, 0.1)]
     lost = np.concatenate([shown.lost for shown in pictures])
     assert sum(len(shown.links) for shown in pictures) == len(lost)
     assert 0.2 < lost.mean() < 0.95  # the others were late
@@ -197,7 +197,7 @@ def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
 
 def test_the_links_of_one_agent_can_be_selected(replay: Replay) -> None:
     times = replay.times[::20]
-    shown = next(p for t in times if len((p := picture(replay.model, replay.frame(t))).links) > 3)
+    shown = next(p for t in times if len((p := Picture(replay.model, replay.frame(t))).links) > 3)
     for i in range(3):
         ends = shown.links == shown.positions[i]
         np.testing.assert_array_equal(shown.links_of(i), ends.all(axis=2).any(axis=1))

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.scene.cameras import Cameras, Framing
-from phalanx_viewer.scene.picture import Picture, picture
+from phalanx_viewer.scene.cameras import Cameras, Framing, View
+from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import SceneServer, in_loop, open_page
-from phalanx_viewer.scene.view import View
 from PIL import Image
 
 import phalanx
@@ -96,7 +95,7 @@ def test_the_camera_holds_all_agents_throughout(
         for t in (0.0, replay.end / 2.0, replay.end, replay.worst_at):
             replay.seek(t)
             wait_for(lambda: view().holds(positions(replay)))
-            wait_for(lambda: paints(tab, view(), picture(replay.model, replay.frame(replay.t))))
+            wait_for(lambda: paints(tab, view(), Picture(replay.model, replay.frame(replay.t))))
 
 
 @contextmanager

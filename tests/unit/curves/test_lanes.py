@@ -13,7 +13,7 @@ from phalanx.curves.history import (
     fates_of,
     series_width,
 )
-from phalanx.curves.lanes import lanes, zoom_window
+from phalanx.curves.series import lanes, zoom_window
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 
 

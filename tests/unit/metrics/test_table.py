@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import phalanx.metrics
-from phalanx.metrics.table import METRICS, SWARM, metrics_of
-from phalanx.metrics.words import in_words, metric_rows
+from phalanx.metrics.table import METRICS, SWARM, in_words, metric_rows, metrics_of
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.recording.records import State, Step
 from phalanx.scenario.load import load

@@ -1,8 +1,8 @@
 """No text covers another, and the more important one stays."""
 
 import numpy as np
-from phalanx_viewer.scene.labels import LETTER, place_texts, text_position
-from phalanx_viewer.scene.view import View
+from phalanx_viewer.scene.cameras import View
+from phalanx_viewer.scene.texts import LETTER, place_texts, text_position
 
 
 def placed(at: list[list[float]], letters: list[int]) -> list[int]:

@@ -2,8 +2,8 @@
 
 import numpy as np
 from phalanx_viewer.scene.model import SceneModel, scene_model
-from phalanx_viewer.scene.overlay import banner
-from phalanx_viewer.scene.picture import Picture, past_lines, picture, unsafe_lines
+from phalanx_viewer.scene.picture import Picture, past_lines, unsafe_lines
+from phalanx_viewer.scene.texts import banner
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
@@ -22,7 +22,7 @@ def shown(*second: float) -> Picture:
         agents=(AgentStatus(),) * 5, link_events=(), steps=0, real_time_factor=0.0,
         assumptions=(), violations=(), log=(), paused=True, speed=0.0, loss=None, delay=None,
     )  # fmt: skip
-    return picture(MODEL, frame)
+    return Picture(MODEL, frame)
 
 
 def test_no_agent_is_marked_while_all_are_safe() -> None:

@@ -10,7 +10,7 @@ import pytest
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.panels import agent_text
 from phalanx_viewer.plots.plots import content
-from phalanx_viewer.scene.picture import picture
+from phalanx_viewer.scene.picture import Picture
 
 import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition
@@ -64,8 +64,8 @@ def test_a_liar_is_marked_from_its_first_lie_on():
     replay = Replay(recording)
     first = min(step.t_apply for step in recording.steps if step.false)
     before, after, end = (replay.frame(t) for t in (first - 1e-3, first, replay.end))
-    assert not picture(replay.model, before).liars.any()
-    assert picture(replay.model, after).liars.tolist() == [False, True, False]
+    assert not Picture(replay.model, before).liars.any()
+    assert Picture(replay.model, after).liars.tolist() == [False, True, False]
     assert end.agents[1].lies == sum(len(step.false) for step in recording.steps)
     assert f"{end.agents[1].lies} false broadcasts" in agent_text(end.agents[1])
 

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.ros2 import messages
-from phalanx_viewer.ros2.diagnostics import diagnostics, heads, interim_outcome, outcome
-from phalanx_viewer.ros2.messages import pose_messages
+from phalanx_viewer.ros2.messages import (
+    diagnostics,
+    heads,
+    interim_outcome,
+    outcome,
+    pose_messages,
+)
 from phalanx_viewer.ros2.republisher import pose_topics
-from phalanx_viewer.scene.kinematics import rotations_to
-from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.scene.model import SceneModel, rotations_to, scene_model
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from phalanx_viewer.scene.view import View, looks_at
+from phalanx_viewer.scene.cameras import View, looks_at
 from scipy.spatial.transform import Rotation
 
 DIRECTIONS = {

@@ -1,12 +1,20 @@
-"""Contents that the exports for Foxglove and rerun share: the nearest pairs, and the log."""
+"""Contents of the recordings for Foxglove and rerun: numbers, violated pairs, and the log."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.curves.history import recorded_series
+from phalanx.curves.series import unit_of
 from phalanx.guarantee.verdict import Outcome
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.models.dynamics import units
+from phalanx.wire.step_report import QUANTITIES
+from phalanx_viewer.scene.model import SceneModel
 
 _AT_ONCE = 64
 """States whose pairs are evaluated together."""
@@ -17,6 +25,81 @@ _LEVELS = {
     Outcome.BROKEN: Level.ERROR,
     Outcome.STOPPED: Level.INFO,
 }
+
+
+class Numbers(NamedTuple):
+    """Numbers that are known at the same times."""
+
+    topic: str
+    kind: str
+    """Name of their type, such as "UnicycleState"."""
+    t: Array
+    """[s], shape (s,)."""
+    values: Mapping[str, Array]
+    """By name, shapes (s,); NaN where unknown."""
+    units: Mapping[str, str]
+    """By name; "" if it has none."""
+    origins: Sequence[str] = ()
+    """Of control steps: how each input was made."""
+
+
+class Content:
+    """A recording, ready to be written."""
+
+    def __init__(self, recording: Recording, model: SceneModel) -> None:
+        self.recording, self.model, self.x = recording, model, recording.x
+        self.poses = [model.kinematics.poses(x) for x in self.x]
+        self.pairs, self.h = near_pairs(model.swarm, self.x)
+        """Pairs that were the worst one of some agent, and their h, shape (s, r)."""
+        self.labels = [model.label(pair) for pair in self.pairs]
+
+    def numbers(self) -> Iterator[Numbers]:
+        """h of the swarm and of the pairs; every agent's states, and numbers of its steps."""
+        t, swarm, steps = self.recording.times, self.model.swarm, steps_by_agent(self.recording)
+        h = {"h_tot": self.recording.h_tot}
+        h |= {f"h_{label}": of for label, of in zip(self.labels, self.h.T, strict=True)}
+        yield Numbers("h", "H", t, h, {})
+        of_quantities = {name: unit_of(each, swarm) for name, each in QUANTITIES.items()}
+        for member, part in zip(swarm.members, swarm.safe_set.parts, strict=True):
+            of, kind, name = units(member.dynamics), type(member.dynamics).__name__, member.name
+            states = dict(zip(of.states, self.x[:, part].T, strict=True))
+            yield Numbers(f"agents/{name}/state", f"{kind}State", t, states, of.states)
+            made = recorded_series(steps[name], len(of.inputs))
+            inputs = {f"u_{i}": unit for i, unit in of.inputs.items()}
+            inputs |= {f"nominal_{i}": unit for i, unit in of.inputs.items()}
+            values = dict(zip(inputs, [*made.u.T, *made.u_nom.T], strict=True)) | made.numbers
+            origins = [step.origin for step in steps[name]]
+            yield Numbers(
+                f"agents/{name}/step", f"{kind}Step", made.sampled, values,
+                inputs | of_quantities, origins,
+            )  # fmt: skip
+
+    def violated(self) -> Iterator[tuple[dict[str, tuple[Array, Array]], list[str]]]:
+        """Ends [m] of each pair with h > 0, by its name, and pairs that are over, at each state."""
+        before: list[str] = []
+        for h, poses in zip(self.h, self.poses, strict=True):
+            now = {
+                self.labels[k]: self.model.ends(self.pairs[k], poses.positions)
+                for k in np.flatnonzero(~(h <= 0.0))
+            }
+            yield now, sorted(set(before) - now.keys())
+            before = list(now)
+
+    def log(self) -> list[Log]:
+        """Events and failed assumptions by time, the verdict last."""
+        recording, end = self.recording, self.recording.states[-1].t
+        summary, failed = recording.summary, []
+        if summary is None:
+            verdict = Log(end, f"no verdict: {recording.unfinished}", Level.ERROR)
+        else:
+            text = f"{summary.outcome}: {summary.reason}"
+            verdict = Log(max(summary.t, end), text, _LEVELS[summary.outcome])
+            failed = [
+                Log(a.first, f"failed: {a.name} ({a.failed} of {a.checked} checks)", Level.WARNING)
+                for a in summary.assumptions
+                if a.failed and a.first is not None
+            ]
+        return [*sorted([*recording.log, *failed], key=lambda line: line.t), verdict]
 
 
 def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
@@ -42,20 +125,3 @@ def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
     h = np.empty((len(x), len(found)))
     h[:, chosen.order] = chosen.h(x)
     return found, h
-
-
-def log_lines(recording: Recording) -> list[Log]:
-    """List events and failed assumptions by time, the verdict last."""
-    end = recording.states[-1].t if recording.states else 0.0
-    summary, failed = recording.summary, []
-    if summary is None:
-        verdict = Log(end, f"no verdict: {recording.unfinished}", Level.ERROR)
-    else:
-        text = f"{summary.outcome}: {summary.reason}"
-        verdict = Log(max(summary.t, end), text, _LEVELS[summary.outcome])
-        failed = [
-            Log(a.first, f"failed: {a.name} ({a.failed} of {a.checked} checks)", Level.WARNING)
-            for a in summary.assumptions
-            if a.failed and a.first is not None
-        ]
-    return [*sorted([*recording.log, *failed], key=lambda line: line.t), verdict]

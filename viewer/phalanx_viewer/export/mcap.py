@@ -15,8 +15,8 @@ Units are in the metadata of each channel. Times are virtual, from 0 on.
 
 import heapq
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -24,22 +24,41 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
+from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from phalanx.curves.quantities import unit_of
-from phalanx.recording.read import Recording
+from phalanx.arrays import Array
 from phalanx.scenario.load import to_json
-from phalanx.theory.models.dynamics import Dynamics, units
-from phalanx.wire.step_report import QUANTITIES, numbers_of
-from phalanx_viewer.export.common import log_lines, near_pairs
-from phalanx_viewer.export.foxglove import frames, opening, stamp, violations
-from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.export.common import Content, Numbers
+from phalanx_viewer.scene.colours import DANGER
+from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
+from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
+
+WORLD = "world"
+"""The fixed frame; every agent has one of its own, by its name."""
 
 
 class TimedMessage(NamedTuple):
@@ -52,15 +71,14 @@ class TimedMessage(NamedTuple):
     """By field."""
 
 
-def write_mcap(recording: Recording, path: Path) -> None:
-    """Write the whole recording. Raises OSError, ScenarioError."""
-    model = scene_model(recording.scenario)
+def write_mcap(content: Content, path: Path) -> None:
+    """Write the whole recording. Raises OSError."""
     with path.open("wb") as file:
         channels = _Channels(Writer(file))
-        sources = (_moving(recording, model), _steps(recording, model), _log(recording))
+        sources = [_moving(content), *map(_messages, content.numbers()), _log(content)]
         for timed in heapq.merge(*sources, key=lambda timed: timed.t):
             channels.write(timed)
-        channels.finish(recording)
+        channels.finish(content)
 
 
 class _Channels:
@@ -83,7 +101,8 @@ class _Channels:
         number, data = self._numbers[timed.topic], timed.message.SerializeToString()
         self._writer.add_message(number, log_time=at, publish_time=at, data=data)
 
-    def finish(self, recording: Recording) -> None:
+    def finish(self, content: Content) -> None:
+        recording = content.recording
         scenario = to_json(recording.scenario).encode()
         self._writer.add_metadata("phalanx", recording.metadata)
         self._writer.add_attachment(0, 0, "scenario.json", "application/json", scenario)
@@ -93,77 +112,53 @@ class _Channels:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _moving(recording: Recording, model: SceneModel) -> Iterator[TimedMessage]:
-    """Messages about every state."""
-    swarm = model.swarm
-    yield TimedMessage(0.0, "/scene", opening(model))
-    kinds = _kinds(recording, _state_kind)
-    near, h = near_pairs(swarm, recording.x)
-    labels = [model.label(pair) for pair in near]
-    h_message = NumberMessage("H", ["h_tot", *(f"h_{label}" for label in labels)])
-    shown = set[str]()
-    for state, values in zip(recording.states, h.tolist(), strict=True):
-        t, poses = state.t, model.kinematics.poses(np.array(state.x))
-        transforms, listed = frames(t, poses, swarm.names)
+def _moving(content: Content) -> Iterator[TimedMessage]:
+    """Messages about every state: poses and violated pairs."""
+    yield TimedMessage(0.0, "/scene", opening(content.model))
+    times = content.recording.times.tolist()
+    for t, poses, (ends, over) in zip(times, content.poses, content.violated(), strict=True):
+        transforms, listed = frames(t, poses, content.model.names)
         yield TimedMessage(t, "/tf", transforms)
         yield TimedMessage(t, "/poses", listed)
-        yield TimedMessage(t, "/h", h_message([state.h_tot, *values]))
-        for name, group, part in zip(swarm.names, swarm.groups, swarm.safe_set.parts, strict=True):
-            kind, field_units = kinds[type(group.dynamics_object())]
-            yield TimedMessage(t, f"/agents/{name}/state", kind(state.x[part]), field_units)
-        violated = {
-            label: model.ends(pair, poses.positions)
-            for label, pair, value in zip(labels, near, values, strict=True)
-            if value > 0.0
-        }
-        if violated or shown:
-            over = sorted(shown - violated.keys())
-            yield TimedMessage(t, "/scene", violations(t, violated, over))
-        shown = set(violated)
+        if ends or over:
+            yield TimedMessage(t, "/scene", violations(t, ends, over))
 
 
-def _steps(recording: Recording, model: SceneModel) -> Iterator[TimedMessage]:
-    """Messages about every control step."""
-    kinds = _kinds(recording, partial(_step_kind, model))
-    kind_of = {n: kinds[type(g.dynamics_object())] for n, g, _ in recording.scenario.roster()}
-    for step in sorted(recording.steps, key=lambda step: step.t):
-        kind, field_units = kind_of[step.agent]
-        nominal: Sequence[float | None] = step.u_nom or [None] * len(step.u)
-        message = kind([*step.u, *nominal, *numbers_of(step)], origin=step.origin)
-        yield TimedMessage(step.t, f"/agents/{step.agent}/step", message, field_units)
+def _messages(numbers: Numbers) -> Iterator[TimedMessage]:
+    """A message for each time."""
+    names, texts = tuple(numbers.values), ("origin",) if numbers.origins else ()
+    kind, fields = number_message(numbers.kind, names, texts)
+    units = [numbers.units.get(name, "") for name in names]
+    field_units = {field: unit for field, unit in zip(fields, units, strict=True) if unit}
+    rows = np.array(list(numbers.values.values())).T
+    for k in np.argsort(numbers.t, kind="stable").tolist():
+        values = zip(fields, rows[k].tolist(), strict=True)
+        known: dict[str, float | str] = {f: value for f, value in values if not np.isnan(value)}
+        if numbers.origins:
+            known["origin"] = numbers.origins[k]
+        yield TimedMessage(float(numbers.t[k]), f"/{numbers.topic}", kind(**known), field_units)
 
 
-class NumberMessage:
-    """A kind of protobuf message: a field for each of its numbers and texts, by name."""
-
-    def __init__(self, kind: str, names: Sequence[str], texts: Sequence[str] = ()) -> None:
-        """kind: the message's name, without a package."""
-        self.fields = dict(zip(names, identifiers(names), strict=True))
-        """Fields by the names of their numbers."""
-        file = FileDescriptorProto(name=f"phalanx/{kind}.proto", package="phalanx")
-        message = file.message_type.add(name=kind)
-        number, text = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STRING
-        fields = [*((name, number) for name in self.fields.values()), *((t, text) for t in texts)]
-        for place, (name, type_) in enumerate(fields, start=1):
-            # Optional, as in proto2: a missing number is not 0.
-            label = FieldDescriptorProto.LABEL_OPTIONAL
-            message.field.add(name=name, number=place, type=type_, label=label)
-        pool = DescriptorPool()
-        pool.Add(file)
-        self._make = GetMessageClass(pool.FindMessageTypeByName(f"phalanx.{kind}"))
-        self._names = tuple(self.fields.values())
-
-    def by_field(self, units: Mapping[str, str]) -> dict[str, str]:
-        """Units by field instead of by name; none where they are unknown."""
-        return {self.fields[name]: unit for name, unit in units.items() if unit}
-
-    def __call__(self, values: Iterable[float | None], **texts: str) -> Message:
-        """Make a message of numbers in the order of the names; None is left out."""
-        given = {n: v for n, v in zip(self._names, values, strict=True) if v is not None}
-        return self._make(**given, **texts)
+@cache
+def number_message(
+    name: str, numbers: tuple[str, ...], texts: tuple[str, ...]
+) -> tuple[type[Message], list[str]]:
+    """Make a kind of protobuf message, without a package, and the fields of its numbers."""
+    fields = identifiers(numbers)
+    file = FileDescriptorProto(name=f"phalanx/{name}.proto", package="phalanx")
+    message = file.message_type.add(name=name)
+    number, text = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STRING
+    kinds = [*((field, number) for field in fields), *((field, text) for field in texts)]
+    for place, (field, kind) in enumerate(kinds, start=1):
+        # Optional, as in proto2: a missing number is not 0.
+        label = FieldDescriptorProto.LABEL_OPTIONAL
+        message.field.add(name=field, number=place, type=kind, label=label)
+    pool = DescriptorPool()
+    pool.Add(file)
+    return GetMessageClass(pool.FindMessageTypeByName(f"phalanx.{name}")), fields
 
 
-def identifiers(names: Sequence[str]) -> list[str]:
+def identifiers(names: Iterable[str]) -> list[str]:
     """Convert names to ones that protobuf accepts: letters, digits and underscores, all unique."""
     found: list[str] = []
     for name in names:
@@ -174,32 +169,114 @@ def identifiers(names: Sequence[str]) -> list[str]:
     return found
 
 
-_Kind = tuple[NumberMessage, dict[str, str]]
-"""A message, and the units of its fields."""
-
-
-def _kinds(recording: Recording, make: Callable[[Dynamics], _Kind]) -> dict[type, _Kind]:
-    """One kind of message for each class of dynamics."""
-    dynamics = [group.dynamics_object() for group in recording.scenario.agents]
-    return {kind: make(one) for kind, one in {type(one): one for one in dynamics}.items()}
-
-
-def _state_kind(dynamics: Dynamics) -> _Kind:
-    state_units = units(dynamics).states
-    kind = NumberMessage(f"{type(dynamics).__name__}State", list(state_units))
-    return kind, kind.by_field(state_units)
-
-
-def _step_kind(model: SceneModel, dynamics: Dynamics) -> _Kind:
-    inputs = units(dynamics).inputs
-    field_units = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
-    field_units |= {name: unit_of(quantity, model.swarm) for name, quantity in QUANTITIES.items()}
-    kind = NumberMessage(f"{type(dynamics).__name__}Step", list(field_units), texts=["origin"])
-    return kind, kind.by_field(field_units)
-
-
-def _log(recording: Recording) -> Iterator[TimedMessage]:
-    for line in log_lines(recording):
+def _log(content: Content) -> Iterator[TimedMessage]:
+    for line in content.log():
         level, now = FoxgloveLog.Level.Value(line.level.name), stamp(line.t)
         message = FoxgloveLog(timestamp=now, level=level, message=line.text, name="phalanx")
         yield TimedMessage(line.t, "/log", message)
+
+
+def stamp(t: float) -> Timestamp:
+    """Convert a virtual time [s] to protobuf."""
+    nanoseconds = round(t * 1e9)
+    return Timestamp(seconds=nanoseconds // 1_000_000_000, nanos=nanoseconds % 1_000_000_000)
+
+
+def frames(t: float, poses: Poses, names: Sequence[str]) -> tuple[FrameTransforms, PosesInFrame]:
+    """Poses of all agents at t [s]: as frames of their names, and as one list."""
+    now = stamp(t)
+    listed = [_pose(*pose) for pose in zip(poses.positions, poses.headings, strict=True)]
+    transforms = [
+        FrameTransform(
+            timestamp=now, parent_frame_id=WORLD, child_frame_id=name,
+            translation=pose.position, rotation=pose.orientation,
+        )
+        for name, pose in zip(names, listed, strict=True)
+    ]  # fmt: skip
+    return (
+        FrameTransforms(transforms=transforms),
+        PosesInFrame(timestamp=now, frame_id=WORLD, poses=listed),
+    )
+
+
+def opening(model: SceneModel) -> SceneUpdate:
+    """Everything that is drawn once: static geometry, and agents, which move with their frames."""
+    update, now = SceneUpdate(), stamp(0.0)
+    for i, name in enumerate(model.names):
+        entity = update.entities.add(timestamp=now, frame_id=name, id=name, frame_locked=True)
+        for shape in agent_shapes(model, i, model.first_colour(i)):
+            _add(entity, shape)
+    for shape in static_shapes(model):
+        number = "" if shape.group == "path" else f" {shape.number}"
+        _add(update.entities.add(timestamp=now, frame_id=WORLD, id=shape.group + number), shape)
+    return update
+
+
+def violations(
+    t: float, ends: Mapping[str, tuple[Array, Array]], over: Sequence[str]
+) -> SceneUpdate:
+    """Draw violated pairs at t [s] as red lines, and delete those over.
+
+    ends: of each violated pair [m], by its label.
+    """
+    now, entities = stamp(t), []
+    for label, pair in ends.items():
+        entity = SceneEntity(timestamp=now, frame_id=WORLD, id=f"violated {label}")
+        entity.lines.append(_line(pair, _colour(DANGER), 4.0))
+        entities.append(entity)
+    deletions = [SceneEntityDeletion(timestamp=now, id=f"violated {label}") for label in over]
+    return SceneUpdate(entities=entities, deletions=deletions)
+
+
+def _add(entity: SceneEntity, shape: Shape) -> None:
+    """Add a shape to an entity."""
+    colour, pose = _colour(shape.colour, shape.opacity), _pose(shape.place, shape.heading)
+    x, y, z = shape.size
+    size = Vector3(x=x, y=y, z=z)
+    match shape.kind:
+        case Kind.ARROW:
+            arrow = ArrowPrimitive(
+                pose=pose, shaft_length=x / 2.0, shaft_diameter=y / 2.0, head_length=x / 2.0,
+                head_diameter=y, color=colour,
+            )  # fmt: skip
+            entity.arrows.append(arrow)
+        case Kind.TEXT:
+            text = TextPrimitive(
+                pose=pose, billboard=True, font_size=14.0, scale_invariant=True, color=colour,
+                text=shape.text,
+            )  # fmt: skip
+            entity.texts.append(text)
+        case Kind.BALL:
+            entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+        case Kind.DISC:
+            disc = CylinderPrimitive(
+                pose=pose, size=size, bottom_scale=1, top_scale=1, color=colour
+            )
+            entity.cylinders.append(disc)
+        case Kind.BOX:
+            entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+        case Kind.LINE:
+            entity.lines.append(_line(shape.points, colour, 2.0))
+
+
+def _line(points: Iterable[Array], colour: Color, thickness: float) -> LinePrimitive:
+    """thickness: in pixels."""
+    return LinePrimitive(
+        type=LinePrimitive.LINE_STRIP,
+        pose=Pose(orientation=Quaternion(w=1.0)),
+        thickness=thickness,
+        scale_invariant=True,
+        points=[Point3(x=p[0], y=p[1], z=p[2]) for p in points],
+        color=colour,
+    )
+
+
+def _pose(place: Array, heading: Array) -> Pose:
+    x, y, z = place
+    ((w, a, b, c),) = rotations_to(heading[None])
+    return Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(w=w, x=a, y=b, z=c))
+
+
+def _colour(rgb: tuple[int, int, int], opacity: float = 1.0) -> Color:
+    red, green, blue = (part / 255 for part in rgb)
+    return Color(r=red, g=green, b=blue, a=opacity)

@@ -13,7 +13,7 @@
 The timeline t is virtual, from 0 on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,30 +22,27 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from phalanx.arrays import Array
-from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.recording.records import Level, Step
-from phalanx.wire.step_report import QUANTITIES
-from phalanx_viewer.export.common import log_lines, near_pairs
+from phalanx.recording.records import Level
+from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
-from phalanx_viewer.scene.kinematics import rotations_to
-from phalanx_viewer.scene.model import SceneModel, scene_model
-from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, static_shapes
+from phalanx_viewer.scene.model import SceneModel, rotations_to
+from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
 
 _TIMELINE = "t"
 _LEVELS = {Level.INFO: "INFO", Level.WARNING: "WARN", Level.ERROR: "ERROR"}
 """rerun's names of levels, by which it colours them."""
 
 
-def write_rerun(recording: Recording, path: Path) -> None:
-    """Write the whole recording. Raises OSError, ScenarioError."""
-    model = scene_model(recording.scenario)
-    stream = rr.RecordingStream(f"phalanx {recording.scenario.name}")
+def write_rerun(content: Content, path: Path) -> None:
+    """Write the whole recording. Raises OSError."""
+    model = content.model
+    stream = rr.RecordingStream(f"phalanx {model.scenario.name}")
     stream.save(path, default_blueprint=_blueprint(model))
     _log_static(stream, model)
-    _log_states(stream, recording, model)
-    for name, steps in steps_by_agent(recording).items():
-        _log_steps(stream, name, steps, model)
-    for line in log_lines(recording):
+    _log_moving(stream, content)
+    for numbers in content.numbers():
+        _plot(stream, numbers)
+    for line in content.log():
         stream.set_time(_TIMELINE, duration=_nanoseconds(line.t))
         stream.log("log", rr.TextLog(line.text, level=_LEVELS[line.level]))
     stream.flush()
@@ -54,10 +51,14 @@ def write_rerun(recording: Recording, path: Path) -> None:
 
 def _blueprint(model: SceneModel) -> rrb.Blueprint:
     """Arrange views: the scene left of h, certified times and residuals, above the log."""
+
+    def of_normal(number: str) -> list[str]:
+        return [f"/agents/{model.names[i]}/step/{number}" for i in model.swarm.normal]
+
     plots = rrb.Vertical(
         rrb.TimeSeriesView(origin="h", name="h: safe is at most 0"),
-        rrb.TimeSeriesView(name="certified [s]", contents=_agent_paths(model, "certified")),
-        rrb.TimeSeriesView(name="residual", contents=_agent_paths(model, "residual")),
+        rrb.TimeSeriesView(name="certified [s]", contents=of_normal("certified")),
+        rrb.TimeSeriesView(name="residual", contents=of_normal("residual")),
     )
     scene = rrb.Spatial3DView(origin="world", name=model.scenario.name)
     top = rrb.Horizontal(scene, plots, column_shares=[3, 2])
@@ -66,11 +67,6 @@ def _blueprint(model: SceneModel) -> rrb.Blueprint:
         rrb.TimePanel(timeline=_TIMELINE, state="collapsed"),
         collapse_panels=True,
     )
-
-
-def _agent_paths(model: SceneModel, field: str) -> list[str]:
-    normal = [model.names[i] for i in model.swarm.normal]
-    return [f"/agents/{name}/step/{field}" for name in normal]
 
 
 def _log_static(stream: rr.RecordingStream, model: SceneModel) -> None:
@@ -106,63 +102,30 @@ def _archetype(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsCompon
     return rr.Boxes3D(**looks, quaternions=[rr.Quaternion(xyzw=turn)])
 
 
-def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneModel) -> None:
-    """Log every agent's pose and states, and h."""
-    if not recording.states:
-        return
-    swarm, x, times = model.swarm, recording.x, [_at(recording.times)]
-    poses = [model.kinematics.poses(state) for state in x]
-    positions = np.array([p.positions for p in poses])
-    turns = np.array([np.roll(rotations_to(p.headings), -1, axis=1) for p in poses])
-    for i, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
+def _log_moving(stream: rr.RecordingStream, content: Content) -> None:
+    """Log every agent's pose, and violated pairs as lines at each state that has or ends any."""
+    times = content.recording.times
+    positions = np.array([poses.positions for poses in content.poses])
+    turns = np.array([np.roll(rotations_to(p.headings), -1, axis=1) for p in content.poses])
+    for i, name in enumerate(content.model.names):
         moved = rr.Transform3D.columns(translation=positions[:, i], quaternion=turns[:, i])
-        stream.send_columns(f"world/agents/{member.name}", times, moved)
-        for name, values in zip(member.dynamics.states, x[:, part].T, strict=True):
-            _plot(stream, f"agents/{member.name}/state/{name}", recording.times, values)
-    near, h = near_pairs(swarm, x)
-    _plot(stream, "h/h_tot", recording.times, recording.h_tot)
-    for pair, values in zip(near, h.T, strict=True):
-        _plot(stream, f"h/{model.label(pair).replace(' ', '_')}", recording.times, values)
-    for t, lines in _violated(recording, model, near, h, positions):
-        stream.set_time(_TIMELINE, duration=_nanoseconds(t))
-        stream.log("world/violated", rr.LineStrips3D(lines, colors=[DANGER]))
+        stream.send_columns(f"world/agents/{name}", [_at(times)], moved)
+    for t, (ends, over) in zip(times, content.violated(), strict=True):
+        if ends or over:
+            stream.set_time(_TIMELINE, duration=_nanoseconds(t))
+            lines = [np.stack(pair) for pair in ends.values()]
+            stream.log("world/violated", rr.LineStrips3D(lines, colors=[DANGER]))
 
 
-def _violated(
-    recording: Recording, model: SceneModel, near: Sequence[int], h: Array, positions: Array
-) -> Iterator[tuple[float, list[Array]]]:
-    """Violated pairs as lines, at each state that has or ends any."""
-    drawn = False
-    for t, values, at in zip(recording.times, h, positions, strict=True):
-        unsafe = np.flatnonzero(~(values <= 0.0))
-        if len(unsafe) or drawn:
-            yield float(t), [np.stack(model.ends(near[k], at)) for k in unsafe.tolist()]
-        drawn = bool(len(unsafe))
-
-
-def _log_steps(
-    stream: rr.RecordingStream, name: str, steps: Sequence[Step], model: SceneModel
-) -> None:
-    """Log one agent's control steps."""
-    t = np.array([step.t for step in steps])
-    inputs = model.swarm.members[model.names.index(name)].dynamics.inputs
-    for k, input_name in enumerate(inputs):
-        _plot(stream, f"agents/{name}/step/u_{input_name}", t, [s.u[k] for s in steps])
-        nominal = [s.u_nom[k] if s.u_nom else None for s in steps]
-        _plot(stream, f"agents/{name}/step/nominal_{input_name}", t, nominal)
-    for field in QUANTITIES:
-        _plot(stream, f"agents/{name}/step/{field}", t, [getattr(s, field) for s in steps])
-
-
-def _plot(
-    stream: rr.RecordingStream, entity: str, t: Array, values: Sequence[float | None] | Array
-) -> None:
-    """Log values at times [s]; unknown ones are left out."""
-    y = np.array(values, dtype=float)
-    known = np.isfinite(y)
-    if known.any():
-        columns = rr.Scalars.columns(scalars=y[known])
-        stream.send_columns(entity, [_at(t[known])], columns)
+def _plot(stream: rr.RecordingStream, numbers: Numbers) -> None:
+    """Log each number over time; where it is unknown it is left out."""
+    for name, values in numbers.values.items():
+        known = np.isfinite(values)
+        if numbers.topic == "h" and name != "h_tot":
+            name = name.removeprefix("h_").replace(" ", "_")
+        if known.any():
+            columns = rr.Scalars.columns(scalars=values[known])
+            stream.send_columns(f"{numbers.topic}/{name}", [_at(numbers.t[known])], columns)
 
 
 def _at(t: Array) -> rr.TimeColumn:

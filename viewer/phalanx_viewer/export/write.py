@@ -1,69 +1,120 @@
 """Write a recorded run to files for sharing and for other tools."""
 
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import polars as pl
 
 from phalanx.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
-from phalanx_viewer.export.html import document
+from phalanx_viewer.export.common import Content
 from phalanx_viewer.export.still import draw
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.plots.content import script
+from phalanx_viewer.plots.plots import content
+from phalanx_viewer.scene.picture import Picture
+from phalanx_viewer.scene.scene import Scene
+from phalanx_viewer.scene.server import SceneServer
+
+_FRAMES = 300
+"""Most frames in a file, to keep it small."""
+_FRAME_PERIOD = 1.0 / 30.0
+"""Shortest time between frames [s]."""
 
 
 def run(
     recorded: Recording,
     *,
-    html: Path | None = None,
-    png: Path | None = None,
     at: float | None = None,
-    mcap: Path | None = None,
-    rerun: Path | None = None,
-    parquet: Path | None = None,
-    csv: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    **paths: Path | None,
 ) -> list[Path]:
     """Write every file that has a path.
 
     Args:
         recorded: the run.
-        html: a self-contained page.
-        png: a picture.
         at: time of the picture [s]; by default the worst moment.
-        mcap: a recording for Foxglove.
-        rerun: a recording for rerun's viewer; needs rerun-sdk.
-        parquet: folder for the run's tables, one file each.
-        csv: the same as CSV.
         progress: called with the name of the next part.
+        paths: of html, a self-contained page; png, a picture; mcap and rerun, recordings for
+            Foxglove and for rerun's viewer, which needs rerun-sdk; parquet and csv, folders for
+            the run's tables.
 
     Returns the files written. Raises OSError, and ValueError for a time outside the run.
     """
     replay = Replay(recorded)
+    model = replay.model
     if at is not None and not replay.times[0] <= at <= replay.end:
         raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")
-    if html is not None:
-        html.write_text(document(replay, progress), encoding="utf-8")
-    if png is not None:
-        draw(replay, replay.worst_at if at is None else at, png)
-    if mcap is not None:
-        progress("messages")
-        # Imported here: not every user needs its libraries.
-        from phalanx_viewer.export.mcap import write_mcap
+    written = []
+    for kind, path in paths.items():
+        if path is None:
+            continue
+        match kind:
+            case "html":
+                path.write_text(_document(replay, progress), encoding="utf-8")
+            case "png":
+                draw(replay, replay.worst_at if at is None else at, path)
+            case "mcap":
+                progress("messages")
+                # Imported here: not every user needs its libraries.
+                from phalanx_viewer.export.mcap import write_mcap
 
-        write_mcap(recorded, mcap)
-    if rerun is not None:
-        progress("entities")
-        from phalanx_viewer.export.rerun import write_rerun
+                write_mcap(Content(recorded, model), path)
+            case "rerun":
+                progress("entities")
+                from phalanx_viewer.export.rerun import write_rerun
 
-        write_rerun(recorded, rerun)
-    written = [path for path in (html, png, mcap, rerun) if path is not None]
-    for ending, folder in (("parquet", parquet), ("csv", csv)):
-        if folder is not None:
-            written += _write_tables(recorded, replay.model.swarm, folder, ending)
+                write_rerun(Content(recorded, model), path)
+            case _:
+                written += _write_tables(recorded, model.swarm, path, kind)
+                continue
+        written.append(path)
     return written
+
+
+def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
+    """Write the document; `progress` is called with texts such as "scene, t = 1.00 of 2.00 s"."""
+    scene, summary = _scene(replay, progress), replay.summary
+    page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
+    player = files("phalanx.compat").joinpath("viser_player.js").read_text(encoding="utf-8")
+    verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
+    data = {
+        "verdict": ": ".join(verdict),
+        "content": content(replay, range(len(replay.model.names)), seekable=True),
+    }
+    # A tag or a comment in the data could end the element that holds them.
+    shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
+    end = scene.rindex("</body>")
+    parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
+    parts = parts.replace("/*DATA*/", shown)
+    return scene[:end] + parts + scene[end:]
+
+
+def _scene(replay: Replay, progress: Callable[[str], None]) -> str:
+    """The scene as HTML, with viser's player."""
+    # viser has no scene without a server, and records what that sends. This one admits no page.
+    server = SceneServer("127.0.0.1", 0, replay.model.scenario.name)
+    try:
+        scene = Scene(server, replay.model, lambda _: None)
+        scene.expect(replay.history.trajectory)
+        scene.show(Picture(replay.model, replay.frame(replay.t)), None)
+        film = server.get_scene_serializer()
+        begin = float(replay.times[0])
+        count = int(np.clip((replay.end - begin) / _FRAME_PERIOD, 1, _FRAMES)) + 1
+        times = np.linspace(begin, replay.end, count).tolist()
+        for t, following in zip(times, [*times[1:], times[-1]], strict=True):
+            scene.show(Picture(replay.model, replay.frame(t)), None)
+            scene.lines.show_recent_paths(replay.recent_paths(t))
+            film.insert_sleep(following - t)
+            progress(f"scene, t = {t:.2f} of {replay.end:.2f} s")
+        return film.as_html()
+    finally:
+        server.stop()
 
 
 def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:

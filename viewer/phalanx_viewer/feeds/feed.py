@@ -1,12 +1,16 @@
-"""A source of frames of one run, live or recorded, and when to stop following it."""
+"""A source of frames of one run, live or recorded, and how to follow it."""
 
 import signal
+import time
 from collections.abc import Callable
 
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
 
 Feed = Live | Replay
+
+_TICK = 1.0 / 30.0
+"""Wall time between two reads of a feed [s]: the plant sends frames no faster."""
 
 
 def stop_request() -> Callable[[], bool]:
@@ -16,3 +20,10 @@ def stop_request() -> Callable[[], bool]:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: came.append(number))
     return lambda: bool(came)
+
+
+def keep_up(tick: Callable[[], None], over: Callable[[], bool]) -> None:
+    """Call `tick` again and again until `over` returns true."""
+    while not over():
+        tick()
+        time.sleep(_TICK)

@@ -3,7 +3,7 @@
 import logging
 import queue
 import time
-from typing import Self
+from contextlib import AbstractContextManager
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class NoRunError(RuntimeError):
     """No plant answers for this run; the message names endpoint and run."""
 
 
-class Live:
+class Live(AbstractContextManager["Live"]):
     """A run that goes on now."""
 
     def __init__(
@@ -51,7 +51,6 @@ class Live:
         """True once the plant has left."""
         self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
-        self._command_sealer = Sealer(command_secret)
         # Frames arrive in a thread of Zenoh's, which must return at once. The page's thread adds
         # them to the history, because its plots read that.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
@@ -64,7 +63,12 @@ class Live:
             self.log, self.violations = self.history.log, self.history.violations.values()
             self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
-            self._listen()
+            sealer = Sealer(command_secret)
+            self._commands = pubsub.SealedPublisher(self._session, sealer, self._keys.command)
+            # When all is ready: Zenoh's threads call from here on.
+            pubsub.subscribe(self._session, self._keys.frames, self._on_frame)
+            pubsub.subscribe(self._session, self._keys.verdict, self._on_verdict)
+            liveliness.watch(self._session, self._keys.alive(PLANT), self._on_plant)
         except BaseException:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
@@ -94,9 +98,6 @@ class Live:
         # from one viewer to the next, and over a restart.
         self._commands.put(CommandMessage(number=time.time_ns(), command=command))
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
 
@@ -110,15 +111,6 @@ class Live:
         except Malformed as reason:
             what = f"run {to.run!r} at {to.endpoint}"
             raise NoRunError(f"{what}: {reason}; is the secret right?") from reason
-
-    def _listen(self) -> None:
-        """Subscribe, when all is ready: Zenoh's threads call from here on."""
-        self._commands = pubsub.SealedPublisher(
-            self._session, self._command_sealer, self._keys.command
-        )
-        pubsub.subscribe(self._session, self._keys.frames, self._on_frame)
-        pubsub.subscribe(self._session, self._keys.verdict, self._on_verdict)
-        liveliness.watch(self._session, self._keys.alive(PLANT), self._on_plant)
 
     def _on_frame(self, key: str, payload: bytes) -> None:
         try:

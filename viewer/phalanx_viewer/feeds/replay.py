@@ -82,8 +82,11 @@ class Replay:
 
     def frame(self, t: float) -> Frame:
         """The run as it was at t [s], paused."""
-        index = self.index_at(t)
-        x, faults = self.history.x[index], self._faults(t)
+        index, faults = self.index_at(t), FaultState(self.model.names)
+        for command in self._commands:
+            if command.t <= t:
+                faults.apply(command)
+        x = self.history.x[index]
         return Frame(
             t=float(self.times[index]),
             x=x.tobytes(),
@@ -170,20 +173,12 @@ class Replay:
 
     def _failed(self, t: float) -> tuple[Assumption, ...]:
         """Assumptions that had failed by t [s]; how often is only known at the end."""
-        if self.summary is None:
-            return ()
-        found = [a for a in self.summary.assumptions if a.first is not None and a.first <= t]
+        every = self.summary.assumptions if self.summary else ()
+        found = [a for a in every if a.first is not None and a.first <= t]
         if t >= self.end:
             return tuple(found)
         # A note adds figures of the whole run to the assumption's own text.
         return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in found)
-
-    def _faults(self, t: float) -> FaultState:
-        faults = FaultState(self.model.names)
-        for command in self._commands:
-            if command.t <= t:
-                faults.apply(command)
-        return faults
 
     def _link_events(self, t: float) -> tuple[LinkEvent, ...]:
         found: dict[tuple[int, int], float] = {}
@@ -211,24 +206,21 @@ class _AgentSteps:
 
     def status(self, t: float, condition: Condition, lies: int) -> AgentStatus:
         """The agent at t [s]; lies: false broadcasts that it had sent."""
-        k = int(np.searchsorted(self._series.t, t, side="right")) - 1
+        series = self._series
+        k = int(np.searchsorted(series.t, t, side="right")) - 1
         if k < 0:
             return AgentStatus(condition)
+        numbers = {name: float(values[k]) for name, values in series.numbers.items()}
+        u_nom = () if np.isnan(series.u_nom[k]).any() else tuple(series.u_nom[k].tolist())
+        fields: dict[str, Any] = {n: None if np.isnan(v) else v for n, v in numbers.items()}
+        fields |= {"origin": self._origins[k], "u": tuple(series.u[k].tolist()), "u_nom": u_nom}
         return AgentStatus(
             condition=condition,
-            step=self._step(k),
+            step=AppliedStep(**fields),
             backups=int(self._backups[k]),
             without_authority=int(self._without_authority[k]),
             lies=lies,
         )
-
-    def _step(self, k: int) -> AppliedStep:
-        numbers = {name: float(values[k]) for name, values in self._series.numbers.items()}
-        known = {name: None if np.isnan(value) else value for name, value in numbers.items()}
-        u, u_nom = (tuple(of[k].tolist()) for of in (self._series.u, self._series.u_nom))
-        u_nom = () if np.isnan(u_nom).any() else u_nom
-        fields: dict[str, Any] = {"origin": self._origins[k], "u": u, "u_nom": u_nom, **known}
-        return AppliedStep(**fields)
 
     def delays(self, after: float, until: float) -> list[list[float]]:
         """[sender, delay] of late and lost broadcasts, by steps applied in (after, until] [s]."""

@@ -1,18 +1,23 @@
 """The page of one run: scene, texts and plots, updated from its feed."""
 
+import json
+import logging
 import time
+
+import msgspec
 
 from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.channel import Action, Channel
-from phalanx_viewer.page.commands import Commands
-from phalanx_viewer.page.panels import Panels
+from phalanx_viewer.page.panels import Commands, Panels
+from phalanx_viewer.plots.content import script
 from phalanx_viewer.plots.plots import content, values_at
-from phalanx_viewer.scene.picture import picture
+from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, add_display
 from phalanx_viewer.scene.server import open_page
+
+log = logging.getLogger("phalanx.viewer")
 
 _TEXT_PERIOD = 0.2
 """Wall time between two updates of texts [s]: they are slower than the scene."""
@@ -20,6 +25,51 @@ _PLOT_PERIOD = 1.0
 """Least wall time between two updates of a live run's plots [s]: each sends all of them."""
 _PLOT_SHARE = 0.01
 """Largest share of the time spent on plots: with many agents they are updated less often."""
+_CONNECT = """
+if (!window.phalanx.connected) (() => {
+  let socket = null, unsent = null;
+  // A visitor who may command has the token in the address; the server asks for it under a name.
+  const answer = () => {
+    const token = new URLSearchParams(location.search).get("token");
+    const visitor = window.phalanxVisitor;
+    if (!token || !visitor || socket.readyState !== WebSocket.OPEN) return;
+    window.phalanxVisitor = null;
+    socket.send(JSON.stringify({ visitor, token }));
+  };
+  const connect = () => {
+    socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
+    socket.onopen = () => {
+      answer();
+      if (unsent) socket.send(unsent);
+      unsent = "";
+    };
+    socket.onclose = () => setTimeout(connect, 1000);
+  };
+  addEventListener("phalanx-visitor", answer);
+  connect();
+  window.phalanx.connected = true;
+  window.phalanx.act = action => {
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(action));
+    // An action for a server that is gone is not for the one that comes after it.
+    else if (unsent !== "") unsent = JSON.stringify(action);
+  };
+})();
+"""
+
+
+class Action(msgspec.Struct, frozen=True):
+    """An action of a visitor; null leaves something as it is."""
+
+    seek: float | None = None
+    """[s]"""
+    step: int | None = None
+    """Number of recorded states to move by."""
+    play: bool | None = None
+    speed: float | None = None
+    """Speed of a replay, in multiples of real time."""
+    visitor: str = ""
+    """Name under which the server asked for the token, if the visitor has one."""
+    token: str = ""
 
 
 class Page:
@@ -43,7 +93,8 @@ class Page:
         if isinstance(feed, Replay):
             self._scene.expect(feed.history.trajectory)
         self._panels = Panels(self.server, model, self.select)
-        self._channel = Channel(self.server, self._act)
+        self.server.on_action = self._on_action
+        self.server.run_script("script", script() + _CONNECT)
         self._plotted: tuple[int, int, int] | None = None
         self._plots_due = 0.0
         self._pair = 0
@@ -99,9 +150,9 @@ class Page:
         if texts_due := now >= self._texts_due:
             # Before anything is shown: a selection made meanwhile shows at the next tick.
             self._stale, self._texts_due = False, now + _TEXT_PERIOD
-        self._scene.show(picture(self._feed.model, self._frame), self.selected)
+        self._scene.show(Picture(self._feed.model, self._frame), self.selected)
         if texts_due or isinstance(self._feed, Replay):
-            self._channel.call("at", self._clock(self._frame))
+            self._call("at", self._clock(self._frame))
         if texts_due:
             self._show_texts(self._frame)
 
@@ -128,12 +179,22 @@ class Page:
         curves_of = [self.selected, *(i for i in others if i != self.selected)]
         seekable = isinstance(self._feed, Replay)
         drawn = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
-        self._channel.call("show", drawn)
+        self._call("show", drawn)
         self._pair, self._stale = drawn.pair, True
         taken = time.thread_time() - began
         self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
 
-    def _act(self, action: Action) -> None:
+    def _call(self, function: str, argument: object) -> None:
+        """Call a function of the script with an argument as JSON, on every page, now or later."""
+        quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
+        self.server.run_script(function, f"window.phalanx.{function}(JSON.parse({quoted}))")
+
+    def _on_action(self, text: str | bytes) -> None:
+        try:
+            action = msgspec.json.decode(text, type=Action)
+        except msgspec.DecodeError as error:
+            log.warning("not an action: %s", error)
+            return
         if self._commands and action.visitor:
             self._commands.answer(action.visitor, action.token)
         replay = self._feed

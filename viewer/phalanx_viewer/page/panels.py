@@ -1,18 +1,24 @@
-"""Text panels: the run's status and verdict, the selected agent, the event log."""
+"""Panels: status, verdict, the selected agent, the event log; and commands to a live run."""
 
+import hmac
+import logging
+import secrets
 from collections.abc import Callable, Sequence
 
 import viser
 
-from phalanx.curves.quantities import NO_ROW
-from phalanx.faults.commands import Condition
-from phalanx.guarantee.verdict import Assumption, Summary
+from phalanx.curves.series import NO_ROW
+from phalanx.faults.commands import EFFECTS, CommandKind, Condition
+from phalanx.guarantee.verdict import Summary
 from phalanx.theory.rows.origin import origin_label
 from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx_viewer.feeds.feed import Feed
+from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.overlay import Markup, Panel, element, markup
-from phalanx_viewer.scene.server import in_loop
+from phalanx_viewer.scene.server import Callback, SceneServer, in_loop
+from phalanx_viewer.scene.texts import Markup, Panel, element, markup
+
+log = logging.getLogger("phalanx.viewer")
 
 _STYLE = Markup("""<style>
 .phalanx-text { margin: 0; padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.5;
@@ -24,6 +30,9 @@ _SAME_TIME = 1e-9
 """Times that differ by rounding alone [s]."""
 _NO_RESIDUAL = 1e-9
 """Residuals this small are 0 but for rounding: the row holds with equality."""
+_SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
+
+_ON_AGENT = tuple(kind.title() for kind in EFFECTS)
 
 
 class Panels:
@@ -72,45 +81,36 @@ def _text(*parts: str) -> Markup:
     return element("p", *parts, kind="phalanx-text")
 
 
-def _items(items: Sequence[Markup]) -> Markup:
+def _list(items: Sequence[Markup]) -> Markup:
     return element("ul", *items, kind="phalanx-text") if items else markup()
 
 
 def _log(lines: Sequence[LogLine]) -> Markup:
     """Lines of the event log, the newest first."""
     items = [element("li", f"{line.t:.3f} s  {line.text}") for line in reversed(lines)]
-    return _items(items) if items else _text("Nothing yet.")
+    return _list(items) or _text("Nothing yet.")
 
 
 def _status(frame: Frame, duration: float, over: bool) -> Markup:
-    clock, network = element("b", f"t = {frame.t:.3f} s"), _network(frame)
+    pace = "paused" if frame.paused else f"{frame.real_time_factor:.2f} × real time"
     empty = _empty_sets(
         sum(status.backups for status in frame.agents),
         sum(status.without_authority for status in frame.agents),
     )
-    steps = f"{frame.steps} steps, {empty}"
+    commanded = [] if frame.loss is None else [f"loss {frame.loss:.0%}"]
+    commanded += [] if frame.delay is None else [f"delay {1e3 * frame.delay:g} ms"]
+    clock = element("b", f"t = {frame.t:.3f} s")
     return markup(
         _STYLE,
-        _text(clock, f" of {duration:g} s · {_pace(frame, over)}"),
-        _text(f"h_tot {frame.h_tot:.3f}, worst {frame.worst_h:.3f} · {steps}"),
-        *([_text(f"network by command: {network}")] if network else []),
+        _text(clock, f" of {duration:g} s · {'the run is over' if over else pace}"),
+        _text(f"h_tot {frame.h_tot:.3f}, worst {frame.worst_h:.3f} · {frame.steps} steps, {empty}"),
+        *([_text(f"network by command: {', '.join(commanded)}")] if commanded else []),
     )
-
-
-def _pace(frame: Frame, over: bool) -> str:
-    if over:
-        return "the run is over"
-    return "paused" if frame.paused else f"{frame.real_time_factor:.2f} × real time"
 
 
 def _empty_sets(backups: int, without_authority: int) -> str:
     counts = f"{backups} backup{'s' * (backups != 1)}"
     return f"{counts}, {without_authority} without authority" if without_authority else counts
-
-
-def _network(frame: Frame) -> str:
-    found = [] if frame.loss is None else [f"loss {frame.loss:.0%}"]
-    return ", ".join(found + ([] if frame.delay is None else [f"delay {1e3 * frame.delay:g} ms"]))
 
 
 def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Markup:
@@ -127,14 +127,14 @@ def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Mark
             parts.append(_interim_outcome(frame, "until now"))
     else:
         parts.append(_interim_outcome(frame, "so far"))
-    failed = [_failure(a, a.first) for a in frame.assumptions if a.failed and a.first is not None]
-    return markup(*parts, _items(failed))
-
-
-def _failure(assumption: Assumption, first: float) -> Markup:
-    count = f"{assumption.failed} of {assumption.checked}, " if assumption.checked else ""
-    expected = f"; expected: {assumption.note}" if assumption.note else ""
-    return element("li", f"{assumption.name} failed: {count}first at {first:.3f} s{expected}")
+    failed = []
+    for a in frame.assumptions:
+        if a.failed and a.first is not None:
+            count = f"{a.failed} of {a.checked}, " if a.checked else ""
+            expected = f"; expected: {a.note}" if a.note else ""
+            text = f"{a.name} failed: {count}first at {a.first:.3f} s{expected}"
+            failed.append(element("li", text))
+    return markup(*parts, _list(failed))
 
 
 def _interim_outcome(frame: Frame, when: str) -> Markup:
@@ -151,14 +151,14 @@ def agent_text(status: AgentStatus) -> Markup:
     """An agent's condition, its last step, and for how long that is proven safe."""
     fine = status.condition == Condition.FINE
     parts: list[str] = [] if fine else [element("b", status.condition)]
-    step = status.step
+    step, lies = status.step, status.lies
     if step:
         parts.append(f"u = ({', '.join(f'{u:.3f}' for u in step.u)}), {origin_label(step.origin)}")
         parts.append(_residual(step.residual))
         parts.append(_empty_sets(status.backups, status.without_authority))
         parts.append(f"{1e3 * step.solve_time:.2f} ms")
-    if status.lies:
-        parts.append(f"{status.lies} false broadcast{'s' * (status.lies != 1)}")
+    if lies:
+        parts.append(f"{lies} false broadcast{'s' * (lies != 1)}")
     if step and step.oldest_input is not None:
         parts.append(f"oldest û {1e3 * step.oldest_input:.1f} ms")
     if step and step.certified is not None:
@@ -172,3 +172,98 @@ def _residual(residual: float | None) -> str:
     if residual <= NO_ROW:
         return "no agent or obstacle near, so no constraint"
     return f"residual {residual if abs(residual) > _NO_RESIDUAL else 0.0:.3g}"
+
+
+class Commands:
+    """Command panels of the visitors whose address had the token; other pages have none."""
+
+    def __init__(
+        self, server: SceneServer, live: Live, token: str, selected: Callable[[], str]
+    ) -> None:
+        """Ask every visitor for the token.
+
+        selected: returns the name of the agent that receives commands to an agent.
+        """
+        self._server, self._live, self._token, self._selected = server, live, token, selected
+        self._asked: dict[str, viser.ClientHandle] = {}
+        self._panels: dict[int, CommandPanel] = {}
+        server.on_client_connect(in_loop(self._ask))
+        server.on_client_disconnect(in_loop(self._forget))
+
+    def answer(self, visitor: str, token: str) -> None:
+        """Give a visitor who sent the right token a panel; `visitor` is the name from _ask."""
+        client = self._asked.pop(visitor, None)
+        if client is None:
+            return
+        if hmac.compare_digest(token.encode(), self._token.encode()):
+            self._panels[client.client_id] = CommandPanel(client.gui, self._live, self._selected)
+        else:
+            log.warning("a visitor with a wrong token may look, but not command")
+
+    def show(self, frame: Frame) -> None:
+        """Set every panel's sliders to the plant's loss and delay."""
+        for panel in self._panels.values():
+            panel.show(frame)
+
+    def remove(self) -> None:
+        """Remove the panels: the run is over."""
+        self._asked.clear()
+        for panel in self._panels.values():
+            panel.folder.remove()
+        self._panels.clear()
+
+    def _ask(self, client: viser.ClientHandle) -> None:
+        # The answer comes by another connection: a name that cannot be guessed, and is used once.
+        visitor = secrets.token_urlsafe(16)
+        self._asked[visitor] = client
+        ask = f'window.phalanxVisitor = "{visitor}"; dispatchEvent(new Event("phalanx-visitor"));'
+        self._server.run_script("visitor", ask, client)
+
+    def _forget(self, client: viser.ClientHandle) -> None:
+        self._asked = {name: asked for name, asked in self._asked.items() if asked is not client}
+        self._panels.pop(client.client_id, None)
+
+
+class CommandPanel:
+    """One visitor's command panel."""
+
+    def __init__(self, gui: viser.GuiApi, live: Live, selected: Callable[[], str]) -> None:
+        self._live = live
+        self.folder = gui.add_folder("Command", order=10)
+        with self.folder:
+            self._pause = gui.add_button_group("Run", ("Pause", "Resume", "Step"))
+            self._step = gui.add_number("Step [s]", 0.01, min=0.001, max=10.0, step=0.001)
+            self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
+            self._loss = gui.add_slider("Loss [%]", min=0, max=100, step=1, initial_value=0)
+            self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
+            self._agent = gui.add_button_group("Agent", _ON_AGENT)
+        self._shown: tuple[float | None, float | None] = None, None
+        """Loss and delay in the last frame."""
+
+        def command(kind: CommandKind, value: Callable[[], float]) -> Callback:
+            # Only for visitors: viser also calls back when show() sets a value.
+            return in_loop(lambda e: live.command(kind, value=value()) if e.client else None)
+
+        def command_agent(_: object) -> None:
+            live.command(CommandKind(self._agent.value.lower()), agent=selected())
+
+        self._pause.on_click(in_loop(lambda _: self._command_pace()))
+        self._agent.on_click(in_loop(command_agent))
+        self._speed.on_update(command(CommandKind.SPEED, lambda: _SPEEDS[self._speed.value]))
+        self._loss.on_update(command(CommandKind.LOSS, lambda: self._loss.value / 100.0))
+        self._delay.on_update(command(CommandKind.DELAY, lambda: self._delay.value / 1000.0))
+
+    def show(self, frame: Frame) -> None:
+        """Set the sliders to the plant's loss and delay."""
+        # Only what changed: otherwise a slider that a visitor has just moved would jump back before
+        # the command is sent, and the command would carry the old value.
+        loss, delay = self._shown
+        if frame.loss is not None and frame.loss != loss:
+            self._loss.value = round(100.0 * frame.loss)  # type: ignore[misc]
+        if frame.delay is not None and frame.delay != delay:
+            self._delay.value = round(1000.0 * frame.delay)  # type: ignore[misc]
+        self._shown = frame.loss, frame.delay
+
+    def _command_pace(self) -> None:
+        kind = CommandKind(self._pause.value.lower())
+        self._live.command(kind, value=self._step.value if kind == CommandKind.STEP else 0.0)

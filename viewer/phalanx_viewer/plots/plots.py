@@ -6,9 +6,17 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange
-from phalanx.curves.lanes import lanes, zoom_window
-from phalanx.curves.quantities import input_curves, plotted, plotted_unit, step_series
-from phalanx.curves.thinning import Series, envelope, kept
+from phalanx.curves.series import (
+    Series,
+    envelope,
+    input_curves,
+    kept,
+    lanes,
+    plotted,
+    plotted_unit,
+    step_series,
+    zoom_window,
+)
 from phalanx.faults.commands import Condition
 from phalanx.recording.broadcasts import FATES
 from phalanx.swarm.swarm import unit_of_psi
@@ -28,6 +36,7 @@ _MOST_INTERVALS = 50, 200
 """Intervals of an envelope, and of a space-time diagram."""
 _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
+_PSI, _INPUT = "ψ_{}", "Input {} and nominal"
 _STEPS = 500
 """Presses of an arrow key from the run's begin to its end."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
@@ -49,7 +58,7 @@ def content(
     begin, now = (float(rows[0, 0]), float(rows[-1, 0])) if len(rows) else (0.0, 0.0)
     end = max(now if seekable else model.scenario.duration, begin + 1e-3)
     plots = _Plots(feed, curves_of, (begin, end, now))
-    inputs = plots.input_plots(curves_of if inputs_of is None else inputs_of)
+    of_agents = plots.of_agents(curves_of if inputs_of is None else inputs_of)
     return Content(
         title=f"{model.scenario.name}, seed {model.scenario.seed}",
         begin=begin,
@@ -60,7 +69,7 @@ def content(
         adversaries=model.adversary.tolist(),
         chosen=curves_of[0],
         pair=plots.worst_pair,
-        plots=plots.swarm_plots() + plots.agent_plots(inputs),
+        plots=plots.of_swarm() + of_agents,
         periods=[
             *fault_periods(past.conditions, now),
             *(period for i in curves_of for period in empty_periods(i, plots.steps[i])),
@@ -76,7 +85,7 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
     found: dict[str, float | None] = {_WORST_PAIRS: model.values.h(pair, x)}
     if len(rows):
         row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
-        titles = [_H_TOT, _DISTANCE, *map(_psi, model.values.psi_levels)]
+        titles = [_H_TOT, _DISTANCE, *map(_PSI.format, model.values.psi_levels)]
         found |= dict(zip(titles, row[1:].tolist(), strict=True))
     if status.step is None:
         return found
@@ -85,7 +94,7 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
         shown = float(plotted(quantity, np.array(number, dtype=float), horizon))
         found[quantity.title] = None if np.isnan(shown) else shown
     inputs = model.swarm.members[chosen].dynamics.inputs
-    return found | dict(zip(map(_input, inputs), status.step.u, strict=True))
+    return found | dict(zip(map(_INPUT.format, inputs), status.step.u, strict=True))
 
 
 class _Plots:
@@ -105,40 +114,45 @@ class _Plots:
         self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
         self.worst_pair = self._nearest[-1]
 
-    def swarm_plots(self) -> list[Plot]:
-        rows, scenario = self._past.totals, self._model.scenario
-        radius = self._model.radius
+    def of_swarm(self) -> list[Plot]:
+        """Plot h_tot, h of the pairs that came nearest to 0, the distance, and every ψ_k."""
+        model, rows, (t, h) = self._model, self._past.totals, self._past.pairs
+        scenario, radius = model.scenario, model.radius
 
         def bold(column: int, lowest: bool = False) -> list[Curve]:
             series = Series(rows[:, 0], rows[:, column])
             return [curve(series, lowest=lowest, highest=not lowest, role="chosen")]
 
+        roles = {self.worst_pair: "chosen"}
+        pairs = [
+            curve(Series(t, h[:, k]), model.label(k), lowest=False, role=roles.get(k, ""))
+            for k in self._nearest
+            if len(t)
+        ]
         return [
             Plot(_H_TOT, unit_of_psi(scenario), bold(1), _UNSAFE_ABOVE_0),
-            Plot(_WORST_PAIRS, unit_of_psi(scenario), self._near_pairs(), _UNSAFE_ABOVE_0),
+            Plot(_WORST_PAIRS, unit_of_psi(scenario), pairs, _UNSAFE_ABOVE_0),
             Plot(_DISTANCE, "m", bold(2, lowest=True), (2.0 * radius if radius else None, None)),
             *(
-                Plot(_psi(k), unit_of_psi(scenario, k), bold(2 + k), _UNSAFE_ABOVE_0)
-                for k in self._model.values.psi_levels
+                Plot(_PSI.format(k), unit_of_psi(scenario, k), bold(2 + k), _UNSAFE_ABOVE_0)
+                for k in model.values.psi_levels
             ),
         ]
 
-    def input_plots(self, agents: Sequence[int]) -> list[Plot]:
-        """Plot each input of these agents: applied, nominal, and its bounds."""
-        return [
+    def of_agents(self, inputs_of: Sequence[int]) -> list[Plot]:
+        """Plot the numbers of all agents' steps, the inputs of some, and the lanes."""
+        inputs = [
             Plot(
-                _input(found.name), found.unit,
+                _INPUT.format(found.name), found.unit,
                 [
                     curve(found.nominal, "nominal", role="guide", most=self._most),
                     curve(found.applied, agent=i, most=self._most),
                 ],
                 found.bounds, of_agents=True, agent=i,
             )
-            for i in agents
+            for i in inputs_of
             for found in input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
-
-    def agent_plots(self, inputs: list[Plot]) -> list[Plot]:
         plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
         return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
 
@@ -161,13 +175,15 @@ class _Plots:
         past, swarm, (begin, end, now) = self._past, self._model.swarm, self._times
         if not len(past.fates.t):
             return []
-        recorded = len(past.broadcasts) > 0
-        steps = list(self.steps.values())
+        recorded, steps = len(past.broadcasts) > 0, list(self.steps.values())
         # A live run's frames do not hold every step: no agent counts as silent.
         taus = [swarm.horizon(i) if recorded else np.inf for i in self.steps]
         found = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
         shares = (np.ceil(9.0 * share) for share in found[:2])
-        drawn = [Lane(*map(_digits, of)) for of in zip(*shares, *found[2:], strict=True)]
+        drawn = [
+            Lane(*("".join(map(str, digits.astype(int).tolist())) for digits in of_agent))
+            for of_agent in zip(*shares, *found[2:], strict=True)
+        ]
         if not recorded:
             return [Plot("Links late and lost, backup", "", [], lanes=drawn)]
         title = "Late, lost, false; backup, silence"
@@ -179,23 +195,15 @@ class _Plots:
         worst = float(rows[np.argmax(rows[:, 1]), 0])
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
         sent = self._past.broadcasts
-        sent = sent[(begin <= sent.sent) & (sent.sent <= end)].tolist()
         seen = [
             (sender, t, receiver, arrival, FALSE if false else FATES[fate])
-            for sender, receiver, t, arrival, fate, false in sent
+            for sender, receiver, t, arrival, fate, false in sent[
+                (begin <= sent.sent) & (sent.sent <= end)
+            ].tolist()
             if only in (None, sender, receiver)
         ]
         times = [s.sampled[(begin <= s.sampled) & (s.sampled <= end)].tolist() for s in steps]
         return Zoom(begin, end, times, seen)
-
-    def _near_pairs(self) -> list[Curve]:
-        t, h = self._past.pairs
-        roles = {self.worst_pair: "chosen"}
-        return [
-            curve(Series(t, h[:, k]), self._model.label(k), lowest=False, role=roles.get(k, ""))
-            for k in self._nearest
-            if len(t)
-        ]
 
 
 def curve(
@@ -229,18 +237,6 @@ def numbers(values: Array, digits: int) -> list[float]:
     unit = 10.0 ** (np.where(np.isfinite(size), size, 0.0) - digits + 1)
     rounded: list[float] = (np.round(values / unit) * unit).round(12).tolist()
     return rounded
-
-
-def _digits(values: Array) -> str:
-    return "".join(map(str, values.astype(int).tolist()))
-
-
-def _psi(k: int) -> str:
-    return f"ψ_{k}"
-
-
-def _input(name: str) -> str:
-    return f"Input {name} and nominal"
 
 
 def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:

@@ -72,7 +72,9 @@ def ros2(
     from phalanx.launcher.programs import configure_logging
     from phalanx.wire.keys import VIEWER
     from phalanx.wire.membership import Membership
-    from phalanx_viewer.ros2.republisher import NAMESPACE, Graph, run_live, run_replay
+    from phalanx_viewer.feeds.live import Live
+    from phalanx_viewer.feeds.replay import open_replay
+    from phalanx_viewer.ros2.republisher import NAMESPACE, Graph, publish
 
     if not NAMESPACE.fullmatch(namespace):
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
@@ -81,12 +83,16 @@ def ros2(
     found = None if recording is None else live_run(recording, insecure)
     try:
         if recording is not None and found is None:
-            return run_replay(recording, graph, trust=trust)
+            replay = open_replay(recording, trust)
+            replay.play(True)
+            return publish(replay, graph, lambda: not replay.playing)
         if found is not None:
-            return run_live(found.membership, graph, trust=trust)
-        identity_folder = identity_for(keys, connect, insecure)
-        membership = Membership(run, connect, secret.encode(), VIEWER, timeout, identity_folder)
-        return run_live(membership, graph, trust=trust)
+            membership = found.membership
+        else:
+            identity_folder = identity_for(keys, connect, insecure)
+            membership = Membership(run, connect, secret.encode(), VIEWER, timeout, identity_folder)
+        with Live(membership, trust=trust) as live:
+            return publish(live, graph, lambda: live.over)
     except (RuntimeError, ValueError, OSError) as error:
         echo_error(error)
         return 3

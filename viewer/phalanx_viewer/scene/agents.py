@@ -1,15 +1,25 @@
-"""The agents in the scene: bodies, safety radii, halos, shadows, inputs and selection."""
+"""Moving nodes of the scene: agents, inputs, selection, and lines between and behind agents."""
 
 from collections.abc import Callable
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from phalanx.arrays import Array
-from phalanx_viewer.scene.colours import DANGER, LIE, Palette
-from phalanx_viewer.scene.kinematics import rotations_to
-from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import HIDDEN, add_batch, ball, body, disc, ring, single, update
+from phalanx_viewer.scene.colours import DANGER, LATE, LIE, WORST_PAIR, Colour, Palette
+from phalanx_viewer.scene.model import SceneModel, rotations_to
+from phalanx_viewer.scene.nodes import (
+    HIDDEN,
+    add_batch,
+    ball,
+    body,
+    disc,
+    move,
+    ring,
+    single,
+    update,
+)
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 
@@ -26,6 +36,8 @@ _LONGEST, _HEAD = 3.5, 0.4
 _SELECTION_RADIUS = 1.12
 """Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""
 _RED = np.array(DANGER, dtype=np.uint8)
+_NOTHING = np.zeros((1, 2, 3))
+"""A line without length, for a node with nothing to show."""
 
 
 class AgentNodes:
@@ -55,40 +67,24 @@ class AgentNodes:
 
     def show(self, picture: Picture, sizes: Array) -> None:
         """Move and colour the agents; sizes of the bodies [m], shape (N,)."""
-        positions, unsafe = single(picture.positions), picture.unsafe_agents
-        discs = {
-            "batched_positions": positions,
-            "batched_scales": single(self._radii),
-            "batched_colors": np.where(unsafe[:, None], _RED, picture.colours),
-        }
-        update(
-            self._bodies,
-            batched_positions=positions,
-            batched_wxyzs=single(rotations_to(picture.headings)),
-            batched_scales=single(sizes),
-            batched_colors=picture.colours,
-        )
-        opacities = single(np.where(unsafe, _UNSAFE_FILL, _FILL))
-        update(self._fills, **discs, batched_opacities=opacities)
+        p, colours, unsafe = single(picture.positions), picture.colours, picture.unsafe_agents
+        turns, fills = rotations_to(picture.headings), np.where(unsafe, _UNSAFE_FILL, _FILL)
+        move(self._bodies, p, sizes, wxyzs=single(turns), colors=colours)
+        marked = np.where(unsafe[:, None], _RED, colours)
+        move(self._fills, p, self._radii, colors=marked, opacities=single(fills))
         if self._rims:
-            update(self._rims, **discs)
+            move(self._rims, p, self._radii, colors=marked)
         halos = np.where(unsafe, np.maximum(1.5 * self._radii, 2.2 * sizes), HIDDEN)
-        centers = np.where(unsafe[:, None], positions, 0.0)
-        update(self._halos, batched_positions=single(centers), batched_scales=single(halos))
+        move(self._halos, np.where(unsafe[:, None], p, 0.0), halos)
         rings = np.where(picture.liars, _LIE_RADIUS * sizes, HIDDEN)
-        above = positions + single(np.outer(rings, [0.0, 0.0, 2.0]))  # the body, which is flat
-        update(self._liars, batched_positions=above, batched_scales=single(rings))
+        above = p + single(np.outer(rings, [0.0, 0.0, 2.0]))  # the body, which is flat
+        move(self._liars, above, rings)
         known = np.isfinite(picture.goals[:, :1])
-        update(
-            self.goals,
-            batched_positions=single(np.where(known, picture.goals, 0.0)),
-            batched_scales=single(np.where(known[:, 0], _GOAL_RADIUS * sizes, HIDDEN)),
-            batched_colors=picture.colours,
-        )
+        goals = np.where(known[:, 0], _GOAL_RADIUS * sizes, HIDDEN)
+        move(self.goals, np.where(known, picture.goals, 0.0), goals, colors=colours)
         if self._shadows:
-            ground = np.column_stack([positions[:, :2], np.full(len(positions), self._floor)])
-            shadows = single(0.7 * sizes)
-            update(self._shadows, batched_positions=single(ground), batched_scales=shadows)
+            ground = np.column_stack([p[:, :2], np.full(len(p), self._floor)])
+            move(self._shadows, ground, 0.7 * sizes)
 
     def on_click(self, clicked: Callable[[Click], None]) -> None:
         """Call `clicked` when a body is clicked."""
@@ -119,8 +115,8 @@ class ArrowNodes:
             tails = picture.positions[seen] + [0.0, 0.0, height]
             heads = tails + cut[:, None] * vectors[seen]
             arrows.points = single(np.stack([tails, heads], axis=1))
-            update(arrows, shaft_radius=0.08 * size, head_radius=0.2 * size)
-            update(arrows, head_length=_HEAD * size)
+            widths = {"shaft_radius": 0.08 * size, "head_radius": 0.2 * size}
+            update(arrows, head_length=_HEAD * size, **widths)
 
     def set_palette(self, palette: Palette) -> None:
         self.applied.colors = np.array(palette.ink, dtype=np.uint8)
@@ -144,6 +140,68 @@ class SelectionNodes:
 
     def set_palette(self, palette: Palette) -> None:
         self._ring.color = palette.ink
+
+
+class LineNodes:
+    """Nodes for lines, one for each kind; each is redrawn as a whole."""
+
+    def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
+        self._model, self._palette = model, palette
+        # viser needs a colour for each end from the start, if the node shall ever have them.
+        self.paths = _lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
+        self._drops = _lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
+        self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
+        self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
+        self.links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
+        self.links.visible = False
+        self._colours = np.tile(palette.faint, (len(model.names), 1))
+        self._past = np.zeros((0, len(model.names), 3))
+
+    def show(self, picture: Picture, selected: int | None) -> None:
+        """Redraw pairs and link events; with many agents, events of the selected agent alone."""
+        self._colours = picture.colours
+        self._worst_pair.points = single(np.array([picture.worst_pair]))
+        unsafe = picture.unsafe_ends if picture.unsafe else _NOTHING
+        update(self._unsafe, points=single(unsafe))
+        if not self._model.flat:
+            p = picture.positions
+            ground = np.column_stack([p[:, :2], np.full(len(p), self._model.floor)])
+            self._drops.points = single(np.stack([p, ground], axis=1))
+        links, colours = _NOTHING, np.zeros((1, 2, 3))
+        every = np.full(len(picture.lost), True)
+        shown = picture.links_of(selected) if self._model.crowded else every
+        if shown.any():
+            links = picture.links[shown]
+            colour = np.where(picture.lost[shown, None], np.array(DANGER), np.array(LATE))
+            colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
+        update(self.links, points=single(links), colors=colours.astype(np.uint8))
+
+    def show_recent_paths(self, positions: Array) -> None:
+        """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
+        self._past = positions
+        if len(positions) > 1:
+            past = single(positions)
+            self.paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
+            fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
+            colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)
+            ends = np.stack([colours[:-1], colours[1:]], axis=2).reshape(-1, 2, 3)
+            self.paths.colors = ends.astype(np.uint8)
+
+    def set_palette(self, palette: Palette) -> None:
+        self._palette = palette
+        self._drops.colors = np.array(self._of_drops(palette), dtype=np.uint8)
+        self.show_recent_paths(self._past)
+
+    def _of_drops(self, palette: Palette) -> Colour:
+        return palette.sections if self._model.crowded else palette.faint
+
+
+def _lines(
+    scene: viser.SceneApi, name: str, colour: Colour | NDArray[np.int_], pixels: float
+) -> viser.LineSegmentsHandle:
+    return scene.add_line_segments(
+        name, _NOTHING, colour, thickness=pixels, thickness_units="screen"
+    )
 
 
 def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:

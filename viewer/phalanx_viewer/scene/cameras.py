@@ -1,16 +1,18 @@
-"""Visitors' cameras: they show the whole run, follow the swarm, or follow one agent."""
+"""Camera views, and visitors' cameras: they show a whole run, follow the swarm or one agent."""
 
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 import viser
 
 from phalanx.arrays import Array
-from phalanx_viewer.scene.view import View, looks_at
+from phalanx_viewer.scene.model import unit
 
 _TIGHT, _ROOM, _LOOSE = 1.1, 1.25, 1.8
 """A camera that follows the swarm is put _ROOM times as far away as needed to see all of it, and
@@ -20,16 +22,116 @@ _LEASH = 0.04
 shorter sides of the picture; _TIGHT leaves that room to agents at the edge."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
-_EXACT = 1e-4
-"""Moves below this share of the distance from the camera are rounding alone."""
 _REMEMBERED = 256
 """Number of requested views that are remembered for each browser."""
-_STEADY = 1.5e-3
-"""Moves below this share of the distance from the camera are invisible."""
+_EXACT, _STEADY = 1e-4, 1.5e-3
+"""Moves below these shares of the distance from the camera are rounding alone, and invisible."""
 _SHAPES_EVERY = 1.0
 """[s]"""
 _NUDGE = 2e-5
 """Relative change of the field of view: viser does not send half as much to a browser."""
+_FAR = 1e9
+"""Farther than any scene reaches [m]."""
+_USUAL = 620.0
+"""Shorter side of a usual picture [pixels]."""
+_SAME_DIRECTION = 1e-4
+"""Directions that differ by less are the same [rad]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A perspective camera."""
+
+    position: Array
+    """[m], shape (3,)."""
+    look_at: Array
+    """Point in the middle of the picture [m], shape (3,)."""
+    up: Array
+    """Shape (3,), not along the line of sight."""
+    fov: float
+    """Vertical field of view [rad]."""
+    aspect: float
+    """Width of the picture over its height."""
+    pixels: float = _USUAL
+    """Length of the picture's shorter side."""
+
+    @property
+    def possible(self) -> bool:
+        """True if all numbers are finite, and the direction is defined."""
+        numbers = np.array([*self.position, *self.look_at, *self.up, self.fov, self.aspect])
+        finite = bool((np.abs(numbers) < _FAR).all())
+        return finite and 0.0 < self.fov < np.pi and bool(self.axes.any(axis=1).all())
+
+    @cached_property
+    def axes(self) -> Array:
+        """Unit vectors to the right, up and forward in the picture, shape (3, 3)."""
+        forward = unit(self.look_at - self.position)
+        right = unit(np.cross(forward, self.up))
+        return np.stack([right, np.cross(right, forward), forward])
+
+    @property
+    def distance(self) -> float:
+        """Distance from the camera to the point that it looks at [m]."""
+        return float(np.linalg.norm(self.look_at - self.position))
+
+    @property
+    def enlargement(self) -> float:
+        """Factor by which a thing of the same pixels takes more of a picture smaller than usual."""
+        # Never less than 1: on a screen with finer pixels there are more of them.
+        return max(1.0, _USUAL / self.pixels)
+
+    def spans(self, points: Array) -> Array:
+        """Length that fills the shorter side of the picture at each point [m], shape (N,)."""
+        depths = np.maximum((points - self.position) @ self.axes[2], 1e-6)
+        found: Array = 2.0 * np.tan(self.fov / 2.0) * min(1.0, self.aspect) * depths
+        return found
+
+    def project(self, points: Array) -> Array:
+        """Project points, shape (N, 3): right and up of the middle, in shorter sides, (N, 2)."""
+        found: Array = (points - self.position) @ self.axes[:2].T / self.spans(points)[:, None]
+        return found
+
+    def holds(self, points: Array) -> bool:
+        """True if all points, shape (N, 3), are in the picture."""
+        across, high = np.abs(self.project(points)).T * min(1.0, self.aspect)
+        in_front = (points - self.position) @ self.axes[2] > 0.0
+        return bool((in_front & (across <= 0.5 * self.aspect) & (high <= 0.5)).all())
+
+    def fitted(self, points: Array, reach: float) -> Self:
+        """Return the nearest camera of the same direction that sees balls around points.
+
+        points: their centres [m], shape (N, 3). reach: their radius [m].
+        """
+        tan = np.tan(self.fov / 2.0) * np.array([self.aspect, 1.0])
+        across, along = points @ self.axes[:2].T, points @ self.axes[2]
+        # A ball is left of the picture's right edge if its centre's distance from that plane is at
+        # least `reach`; likewise for the other edges. The camera backs off until all are.
+        beyond = reach * np.sqrt(1.0 + tan**2) - along[:, None] * tan
+        most, least = (beyond + across).max(axis=0), (beyond - across).max(axis=0)
+        depth = float((-(most + least) / (2.0 * tan)).min())
+        sideways = (most - least) / 2.0
+        position = np.array([*sideways, depth]) @ self.axes
+        middle = (along.min() + along.max()) / 2.0
+        return replace(self, position=position, look_at=position + self.axes[2] * (middle - depth))
+
+    def pulled(self, towards: Array, leash: float) -> Array:
+        """The point to look at [m] to keep `towards` within `leash` shorter sides of it."""
+        pull = towards - self.look_at
+        slack = leash * float(self.spans(self.look_at[None])[0])
+        length = max(float(np.linalg.norm(pull)), 1e-9)
+        found: Array = self.look_at + max(0.0, 1.0 - slack / length) * pull
+        return found
+
+    def moved(self, look_at: Array, distance: float) -> Self:
+        """Return a view of another point from another distance [m], in the same direction."""
+        return replace(self, look_at=look_at, position=look_at - distance * self.axes[2])
+
+
+def looks_at(point: Array, position: Array, wxyz: Array) -> bool:
+    """True if a camera of this orientation, a unit quaternion, has a point straight ahead."""
+    w, x, y, z = wxyz
+    forward = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    return bool(np.linalg.norm(unit(point - position) - forward) < _SAME_DIRECTION)
 
 
 class Framing(StrEnum):
@@ -110,8 +212,7 @@ class Cameras:
     def show(self, positions: Array, chosen: int | None) -> View:
         """Move the cameras to what they show; positions has shape (N, 3).
 
-        Returns:
-            The visitors' view in which the swarm is smallest.
+        Returns the visitors' view in which the swarm is smallest.
         """
         seen = self._seen()
         single = self.framing is Framing.AGENT and chosen is not None
@@ -129,8 +230,8 @@ class Cameras:
         """Every visitor's view, but for impossible ones that a browser reports."""
         clients = self._server.get_clients()
         self._visitors = {key: known for key, known in self._visitors.items() if key in clients}
-        views = {key: (client, self._view(client)) for key, client in clients.items()}
-        return {key: (client, view) for key, (client, view) in views.items() if view.possible}
+        views = ((key, client, self._view(client)) for key, client in clients.items())
+        return {key: (client, view) for key, client, view in views if view.possible}
 
     def _fit_run(self, key: int, client: viser.ClientHandle, seen: View) -> None:
         """Show the whole run once, and when the picture's shape changed."""
@@ -165,11 +266,10 @@ class Cameras:
         visitor.send(client, seen.moved(look_at, visitor.fit * visitor.zoom))
 
     def _view(self, client: viser.ClientHandle) -> View:
-        camera = client.camera
+        camera, fov = client.camera, self._first.fov
         wide, high = max(camera.image_width, 1), max(camera.image_height, 1)  # hidden: 0 by 0
         # Only request_shapes() changes the field of view, invisibly; everything that is sized by it
         # would be sent again each time.
-        fov = self._first.fov
         position, look_at, up = camera.position, camera.look_at, camera.up_direction
         seen = View(position, look_at, up, fov, wide / high, min(wide, high))
         visitor = self._visitors.get(client.client_id)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from phalanx.arrays import Array
 
+Floats = NDArray[np.floating[Any]]
 Mesh = tuple[Array, Array]
 """Vertices and faces."""
 HIDDEN = 1e-6
@@ -43,7 +44,15 @@ def update(node: object, **properties: Any) -> None:
             setattr(node, name, value)
 
 
-def single(values: Array) -> NDArray[np.float32]:
+def move(
+    node: viser.BatchedMeshHandle, positions: Floats, scales: Floats, **looks: NDArray[Any]
+) -> None:
+    """Move and scale the instances of a batch; looks: such as their `colors`."""
+    of_batch = {f"batched_{name}": values for name, values in looks.items()}
+    update(node, batched_positions=single(positions), batched_scales=single(scales), **of_batch)
+
+
+def single(values: Floats) -> NDArray[np.float32]:
     """Single precision, as viser sends it to browsers."""
     return values.astype(np.float32)
 

@@ -1,103 +1,78 @@
-"""The picture of one frame: poses, roles, arrows and lines; the same for page, HTML and PNG."""
+"""The scene as data: the picture of one frame, and plain shapes for Foxglove, rerun and ROS 2."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator
+from enum import Enum, auto
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array, Index, Mask
+from phalanx.arrays import Array, Mask
 from phalanx.guarantee.verdict import Violation
 from phalanx.wire.messages import Frame
-from phalanx_viewer.scene.colours import COLOURS, Role, role
-from phalanx_viewer.scene.kinematics import unit
-from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.colours import COLOURS, OBSTACLE, Colour, role
+from phalanx_viewer.scene.model import SceneModel, unit
 
-Colours = NDArray[np.uint8]
+Size = tuple[float, float, float]
+
+_FAINT = 0.25
+_THIN = 0.02
+"""Height of a disc in the plane [m]."""
+_WALL = (0.1, 40.0)
+"""Thickness and length of a wall [m]."""
+_ORIGIN, _NO_TURN = np.zeros(3), np.zeros(3)
+_AHEAD, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+_NO_POINTS = np.zeros((0, 3))
 
 
-@dataclass(frozen=True)
 class Picture:
     """One frame, ready to draw; everything in 3-D and in metres."""
 
-    positions: Array
-    """Output points, shape (N, 3)."""
-    goals: Array
-    """Their goals, shape (N, 3); NaN where none is known."""
-    headings: Array
-    """Unit vectors, shape (N, 3): an agent's heading, else its input's direction, else zero."""
-    roles: list[Role]
-    applied: Array
-    """Applied inputs as arrows, shape (N, 3)."""
-    u_nom: Array
-    """Nominal inputs as arrows, shape (N, 3)."""
-    pair: int
-    """The pair whose h is largest."""
-    worst_pair: tuple[Array, Array]
-    """Its ends, shapes (3,)."""
-    worst_pair_text: str
-    unsafe: list[int]
-    """The pairs with h > 0, the largest h first."""
-    unsafe_ends: Array
-    """Positions of their sides, shape (v, 2, 3)."""
-    unsafe_agents: Mask
-    """True for agents in one of them, shape (N,)."""
-    liars: Mask
-    """Agents that sent false broadcasts, shape (N,)."""
-    unsafe_lines: list[str]
-    """A line of text for each unsafe pair: its name, distance, h, and since when."""
-    past_lines: list[str]
-    """A line of text for each pair that was unsafe before."""
-    links: Array
-    """Links that lost or delayed a broadcast, from sender to receiver, shape (l, 2, 3)."""
-    link_agents: Index
-    """Their senders and receivers, shape (l, 2)."""
-    lost: Mask
-    """True for links that lost it, shape (l,)."""
+    def __init__(self, model: SceneModel, frame: Frame) -> None:
+        x, agents = np.frombuffer(frame.x, dtype="<f8"), frame.agents
+        poses = model.kinematics.poses(x)
+        self.positions = p = poses.positions
+        """Output points, shape (N, 3)."""
+        self.goals = model.goals(frame.t, x)
+        """Their goals, shape (N, 3); NaN where none is known."""
+        steps = [status.step for status in agents]
+        self.applied = _arrows(model, x, [step.u if step else () for step in steps])
+        """Applied inputs as arrows, shape (N, 3)."""
+        self.u_nom = _arrows(model, x, [step.u_nom if step else () for step in steps])
+        """Nominal inputs as arrows, shape (N, 3)."""
+        has_heading = poses.headings.any(axis=1, keepdims=True)
+        self.headings = np.where(has_heading, poses.headings, unit(self.applied))
+        """Unit vectors, shape (N, 3): an agent's heading, else its input's direction, else zero."""
+        self.roles = [role(s, bool(a)) for s, a in zip(agents, model.adversary, strict=True)]
+        self.colours = np.array([COLOURS[role] for role in self.roles], dtype=np.uint8)
+        """The agents' colours, shape (N, 3)."""
+        self.liars = np.array([status.lies > 0 for status in agents])
+        """True for agents that sent false broadcasts, shape (N,)."""
+        self.pair = frame.pair
+        """The pair whose h is largest."""
+        self.worst_pair = model.ends(frame.pair, p)
+        """Its ends, shapes (3,)."""
+        self.worst_pair_text = f"{model.label(frame.pair)}: {model.pair_text(frame.pair, x, p)}"
+        # h_tot is never below the largest h.
+        self.unsafe = [] if frame.h_tot <= 0.0 else model.values.unsafe(x).tolist()
+        """The pairs with h > 0, the largest h first."""
+        self.unsafe_ends = np.array([model.ends(k, p) for k in self.unsafe]).reshape(-1, 2, 3)
+        """Positions of their sides, shape (v, 2, 3)."""
+        self.unsafe_agents = np.isin(np.arange(len(p)), list(model.agents_of(self.unsafe)))
+        """True for agents in one of them, shape (N,)."""
+        self.unsafe_lines = unsafe_lines(model, self.unsafe, frame.violations, x, p)
+        self.past_lines = past_lines(model, self.unsafe, frame.violations, frame.t)
+        sides = [(event.sender, event.receiver) for event in frame.link_events]
+        self.link_agents = np.array(sides, dtype=np.intp).reshape(-1, 2)
+        """Senders and receivers of links that lost or delayed a broadcast, shape (l, 2)."""
+        self.links = p[self.link_agents]
+        """Their positions, shape (l, 2, 3)."""
+        self.lost = np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool)
+        """True for links that lost it, shape (l,)."""
 
     def links_of(self, i: int | None) -> Mask:
         """True for links that agent i sends or receives on, shape (l,)."""
         found: Mask = (self.link_agents == (-1 if i is None else i)).any(axis=1)
         return found
-
-    @cached_property
-    def colours(self) -> Colours:
-        """The agents' colours, shape (N, 3)."""
-        return np.array([COLOURS[role] for role in self.roles], dtype=np.uint8)
-
-
-def picture(model: SceneModel, frame: Frame) -> Picture:
-    """Compute the picture of a frame."""
-    x = np.frombuffer(frame.x, dtype="<f8")
-    poses = model.kinematics.poses(x)
-    p = poses.positions
-    steps = [status.step for status in frame.agents]
-    applied = _arrows(model, x, [step.u if step else () for step in steps])
-    has_heading = poses.headings.any(axis=1, keepdims=True)
-    # h_tot is never below the largest h.
-    unsafe = [] if frame.h_tot <= 0.0 else model.values.unsafe(x).tolist()
-    sides = [(event.sender, event.receiver) for event in frame.link_events]
-    links = np.array(sides, dtype=np.intp).reshape(-1, 2)
-    return Picture(
-        positions=p,
-        goals=model.goals(frame.t, x),
-        headings=np.where(has_heading, poses.headings, unit(applied)),
-        roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
-        applied=applied,
-        u_nom=_arrows(model, x, [step.u_nom if step else () for step in steps]),
-        pair=frame.pair,
-        worst_pair=model.ends(frame.pair, p),
-        worst_pair_text=f"{model.label(frame.pair)}: {model.pair_text(frame.pair, x, p)}",
-        unsafe=unsafe,
-        unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
-        unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
-        liars=np.array([status.lies > 0 for status in frame.agents]),
-        unsafe_lines=unsafe_lines(model, unsafe, frame.violations, x, p),
-        past_lines=past_lines(model, unsafe, frame.violations, frame.t),
-        links=p[links],
-        link_agents=links,
-        lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
-    )
 
 
 def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Array:
@@ -113,17 +88,16 @@ def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Arr
 def unsafe_lines(
     model: SceneModel, unsafe: list[int], violations: tuple[Violation, ...], x: Array, p: Array
 ) -> list[str]:
-    """A line of text for each unsafe pair, at a state, shape (n̄,).
+    """A line of text for each unsafe pair: its name, distance, h, and since when.
 
-    p: output points, shape (N, 3).
+    x: the state, shape (n̄,). p: output points, shape (N, 3).
     """
-    since = {violation.pair: violation.first for violation in violations}
-    lines = []
-    for pair in unsafe:
-        label = model.label(pair)
-        first = f", since t = {since[label]:.3f} s" if label in since else ""
-        lines.append(f"{label} unsafe: {model.pair_text(pair, x, p)} where 0 is allowed{first}")
-    return lines
+    since = {v.pair: f", since t = {v.first:.3f} s" for v in violations}
+    texts = {model.label(pair): model.pair_text(pair, x, p) for pair in unsafe}
+    return [
+        f"{label} unsafe: {text} where 0 is allowed{since.get(label, '')}"
+        for label, text in texts.items()
+    ]
 
 
 def past_lines(
@@ -131,11 +105,77 @@ def past_lines(
 ) -> list[str]:
     """A line of text for each pair that was unsafe before t [s], and is not any more."""
     now = {model.label(pair) for pair in unsafe}
-    lines = []
-    for violation in violations:
-        if violation.pair not in now and violation.first <= t:
-            deepest = f", up to h = {violation.worst:.3g}" if violation.worst_at <= t else ""
-            lines.append(
-                f"{violation.pair} was unsafe from t = {violation.first:.3f} s on{deepest}"
-            )
-    return lines
+    return [
+        f"{v.pair} was unsafe from t = {v.first:.3f} s on"
+        + (f", up to h = {v.worst:.3g}" if v.worst_at <= t else "")
+        for v in violations
+        if v.pair not in now and v.first <= t
+    ]
+
+
+class Kind(Enum):
+    """A kind of shape; the text says what its size means."""
+
+    ARROW = auto()
+    """Tail at its place, along x: length, and the head's width and height."""
+    TEXT = auto()
+    """Only the last: its height."""
+    BALL = auto()
+    """Diameters."""
+    DISC = auto()
+    """Diameters and height."""
+    BOX = auto()
+    """Sides."""
+    LINE = auto()
+    """A strip through `points`; without a size."""
+
+
+class Shape(NamedTuple):
+    """One shape of the scene."""
+
+    group: str
+    """The kind of thing it shows, such as "wall"."""
+    number: int
+    """Within the group."""
+    kind: Kind
+    colour: Colour
+    place: Array = _ORIGIN
+    """[m], shape (3,)"""
+    heading: Array = _NO_TURN
+    """Unit vector along its x-axis, shape (3,); zero: not rotated."""
+    size: Size = (0.0, 0.0, 0.0)
+    """[m]"""
+    opacity: float = 1.0
+    text: str = ""
+    points: Array = _NO_POINTS
+    """Points of a line [m], shape (s, 3)."""
+
+
+def agent_shapes(
+    model: SceneModel, i: int, colour: Colour, place: Array = _ORIGIN, heading: Array = _AHEAD
+) -> Iterator[Shape]:
+    """An agent's arrow, name and safety radius, at a place; by default in its own frame."""
+    body, reach = model.body, 2.0 * model.radius
+    size = 2.0 * body, body, body
+    yield Shape("agent", i, Kind.ARROW, colour, place - body * heading, heading, size)
+    above = place + 1.5 * body * _UP
+    yield Shape("name", i, Kind.TEXT, colour, above, size=(0.0, 0.0, body), text=model.names[i])
+    if reach:
+        kind, height = (Kind.DISC, _THIN) if model.flat else (Kind.BALL, reach)
+        size = reach, reach, height
+        yield Shape("safety radius", i, kind, colour, place, size=size, opacity=_FAINT)
+
+
+def static_shapes(model: SceneModel) -> Iterator[Shape]:
+    """Obstacles, walls, limits and the formation's path."""
+    static = model.static
+    for k, (center, radius) in enumerate(static.spheres):
+        yield Shape("obstacle", k, Kind.BALL, OBSTACLE, center, size=(2.0 * radius,) * 3)
+    thick, long = _WALL
+    for k, (surface, normal) in enumerate(static.walls):
+        place, size = surface + 0.5 * thick * normal, (thick, long, long)
+        yield Shape("wall", k, Kind.BOX, OBSTACLE, place, normal, size, 2.0 * _FAINT)
+    for k, line in enumerate(static.outlines):
+        yield Shape("limit", k, Kind.LINE, OBSTACLE, points=line)
+    if len(static.path):
+        yield Shape("path", 0, Kind.LINE, OBSTACLE, points=static.path)

@@ -7,23 +7,14 @@ import numpy as np
 import viser
 
 from phalanx.arrays import Array
-from phalanx_viewer.scene.agents import (
-    AgentNodes,
-    ArrowNodes,
-    Click,
-    SelectionNodes,
-    nearest_to_ray,
-)
-from phalanx_viewer.scene.cameras import Cameras, Framing
+from phalanx_viewer.scene import agents
+from phalanx_viewer.scene.cameras import Cameras, Framing, View
 from phalanx_viewer.scene.colours import DARK, LIGHT
-from phalanx_viewer.scene.labels import LabelNodes
-from phalanx_viewer.scene.lines import LineNodes
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.overlay import Panel, banner, legend, markup
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 from phalanx_viewer.scene.static import StaticNodes
-from phalanx_viewer.scene.view import View
+from phalanx_viewer.scene.texts import LabelNodes, Panel, banner, legend, markup
 
 _READABLE, _READABLE_OF_MANY = 0.027, 0.01
 """Smallest size of a body, in the shorter side of the picture."""
@@ -38,13 +29,13 @@ class Scene:
         """Draw the static part; `select` is called with the index of an agent that is clicked."""
         self._server, self._model, self._select = server, model, select
         self._static = StaticNodes(server.scene, model, LIGHT)
-        self.agents = AgentNodes(server.scene, model)
-        self.arrows = ArrowNodes(server.scene, LIGHT)
-        self.lines = LineNodes(server.scene, model, LIGHT)
+        self.agents = agents.AgentNodes(server.scene, model)
+        self.arrows = agents.ArrowNodes(server.scene, LIGHT)
+        self.lines = agents.LineNodes(server.scene, model, LIGHT)
         self.labels = LabelNodes(server.scene, model)
         self.banner = Panel(server.gui, markup(), order=-1.0)
         Panel(server.gui, legend(), order=99.0)
-        self.selection = SelectionNodes(server.scene, LIGHT)
+        self.selection = agents.SelectionNodes(server.scene, LIGHT)
         self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
         self.cameras.expect(np.stack(model.extent))
         self.stale = False
@@ -97,12 +88,12 @@ class Scene:
             self._poses[camera.client.client_id] = pose
             self.stale = True
 
-    def _on_click(self, event: Click) -> None:
+    def _on_click(self, event: agents.Click) -> None:
         if event.instance_index is not None:
             self._select(event.instance_index)
         elif self._positions is not None:
             ray = np.array(event.ray_origin), np.array(event.ray_direction)
-            self._select(nearest_to_ray(self._positions, *ray))
+            self._select(agents.nearest_to_ray(self._positions, *ray))
 
 
 def _direction(flat: bool) -> View:

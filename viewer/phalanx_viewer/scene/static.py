@@ -7,8 +7,7 @@ import viser
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR, Palette
-from phalanx_viewer.scene.kinematics import unit
-from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.model import SceneModel, unit
 from phalanx_viewer.scene.nodes import ball, polygon, ribbon
 
 _RAIL = 4.0
@@ -66,11 +65,18 @@ def _draw_corridor(scene: viser.SceneApi, model: SceneModel) -> None:
 
 def _draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reach: float) -> None:
     """Draw obstacles and limits; walls reach so far [m] from the scene's middle, shape (3,)."""
-    _draw_spheres(scene, model)
-    for number, line in enumerate(model.static.outlines):
-        rail = np.stack([line[:-1], line[1:]], axis=1)
-        _draw_lines(scene, f"/limits/{number}", rail, _RAIL)
-    walls = [(normal, float(normal @ point)) for point, normal in model.static.walls]
+    static = model.static
+    if static.spheres:
+        centers, radii = zip(*static.spheres, strict=True)
+        scene.add_batched_meshes_simple(
+            "/obstacles/spheres", *ball(model.flat),
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(radii), 1)),
+            batched_positions=np.array(centers), batched_scales=np.array(radii),
+            batched_colors=OBSTACLE, lod="off", cast_shadow=False,
+        )  # fmt: skip
+    for number, line in enumerate(static.outlines):
+        _draw_lines(scene, f"/limits/{number}", np.stack([line[:-1], line[1:]], axis=1), _RAIL)
+    walls = [(normal, float(normal @ point)) for point, normal in static.walls]
     for number, wall in enumerate(walls):
         others = [other for other in walls if other is not wall]
         corners = panel(wall, others, middle, reach)
@@ -83,19 +89,6 @@ def _draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, rea
                 f"/obstacles/wall {number}", *polygon(corners), color=OBSTACLE, opacity=0.25,
                 side="double", cast_shadow=False,
             )  # fmt: skip
-
-
-def _draw_spheres(scene: viser.SceneApi, model: SceneModel) -> None:
-    spheres = model.static.spheres
-    if not spheres:
-        return
-    scene.add_batched_meshes_simple(
-        "/obstacles/spheres", *ball(model.flat),
-        batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(spheres), 1)),
-        batched_positions=np.array([center for center, _ in spheres]),
-        batched_scales=np.array([radius for _, radius in spheres]),
-        batched_colors=OBSTACLE, lod="off", cast_shadow=False,
-    )  # fmt: skip
 
 
 def _draw_fence(
