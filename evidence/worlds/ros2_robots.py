@@ -44,7 +44,8 @@ def show(run: phalanx.Run, robots: dict[str, dict[str, float]]) -> None:
     assert summary.punctuality
     print(f"  {summary.outcome}: largest h_tot {summary.worst_h_tot:.3f}")
     for checked in summary.assumptions:
-        print(f"    {checked.name}: {checked.failed} of {checked.checked} failed")
+        note = f"; {checked.note}" if checked.failed else ""
+        print(f"    {checked.name}: {checked.failed} of {checked.checked} failed{note}")
     for each in summary.punctuality.measured:
         p50, p99, most = (f"{1e3 * t:.2f}" for t in (each.p50, each.p99, each.most))
         print(f"    {each.name} [ms]: p50 {p50}, p99 {p99}, largest {most}, of {each.count}")

@@ -138,11 +138,12 @@ def _status_of(error: Exception) -> int | None:
     from phalanx.launcher.engine import EngineError
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError
+    from phalanx.theory.models.world import WorldError
     from phalanx.wire.session import HubError
 
     if isinstance(error, ScenarioError):
         return USAGE_ERROR
-    failed = isinstance(error, EngineError | HubError | UnreadableRecordingError)
+    failed = isinstance(error, EngineError | HubError | UnreadableRecordingError | WorldError)
     return FAILED if failed else None
 
 

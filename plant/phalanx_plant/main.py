@@ -20,7 +20,7 @@ from phalanx.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.models.world import require_clock
+from phalanx.theory.models.world import WorldError, require_clock
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
@@ -103,6 +103,7 @@ def run(
     Raises:
         HubError: the endpoint cannot be listened on, or no router is there.
         RecordingError: the recording cannot be begun.
+        WorldError: the scenario's world cannot start.
     """
     require_clock(rows.swarm.scenario.fresh_world(), real_time)
     stop = StopRequest()
@@ -127,7 +128,11 @@ def run(
         hub.session.answer_viewers(commandable=bool(policy.secret))
         if stopwatch:
             hub.time(stopwatch)  # before the judge keeps a reference to one of its methods
-        plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
+        try:
+            plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
+        except WorldError as error:
+            _send_result(result_pipe, str(error))
+            raise
         if stopwatch:
             plant.time(stopwatch)
 

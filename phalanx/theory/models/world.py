@@ -15,6 +15,10 @@ _LONGER = 1.0 + 1e-6
 """A step may be longer by rounding."""
 
 
+class WorldError(RuntimeError):
+    """A shipped world cannot start: its robots, a package or a field are missing or wrong."""
+
+
 class WorldAgent(NamedTuple):
     """A robot of a world."""
 

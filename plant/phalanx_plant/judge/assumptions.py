@@ -21,6 +21,7 @@ from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateRe
 from phalanx_plant.world.world import Actuators, DisturbanceKnot
 
 _STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
+_WITHIN = "no disturbance was larger than disturbance.bound"
 _ROUNDING = 1e-9
 
 
@@ -38,9 +39,9 @@ class Assumptions:
         self._gap = Assumption(
             "sampling gap", note="no sample came later than clock.period + clock.jitter"
         )
-        self._disturbance = Assumption(
-            "disturbance bound", note="no disturbance was larger than disturbance.bound"
-        )
+        self._disturbance = Assumption("disturbance bound", note=_WITHIN)
+        self._above = 0.0
+        """The most by which a disturbance was above its bound."""
         self._resolved = Assumption(
             "resolved motion",
             note=f"no integration step was off the equation of motion by more than {DEFECT:g} in "
@@ -135,6 +136,8 @@ class Assumptions:
             # Norms are convex: the bound holds between two knots if it holds at both.
             within = bool((norms <= self._bounds * (1.0 + _ROUNDING)).all())
             self._disturbance.check(within, piece.t)
+            if not within:
+                self._name_largest(norms, piece.t)
             return
         if self._start.checked == 0:
             self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
@@ -148,6 +151,15 @@ class Assumptions:
                 self._highest = value
                 if not value <= 0.0:
                     self._stayed.note = f"{_STAYED}; the largest was {value:.4g}, at t = {t:.3f} s"
+
+    def _name_largest(self, norms: Array, t: float) -> None:
+        """Say whose disturbance is the most above its bound; no number where none explains it."""
+        above = np.nan_to_num(norms - self._bounds, nan=np.inf)
+        i = int(above.argmax())
+        if above[i] > self._above:
+            self._above = float(above[i])
+            most = f"{norms[i]:.4g}, of agent {self._swarm.names[i]}, at t = {t:.3f} s"
+            self._disturbance.note = f"{_WITHIN}; the most above was {most}"
 
     def reached(self, event: StateReached) -> None:
         """Check the actuators that have held zero since t = 0, and store the state."""

@@ -11,9 +11,10 @@ import numpy as np
 
 from phalanx.arrays import Array, Index
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
+from phalanx.schema.registry import is_users
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.user_methods import call_user
-from phalanx.theory.models.world import World, WorldAgent, advanced
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.models.world import World, WorldAgent, WorldError, advanced
 from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import DisturbanceKnot, Integration, Piece, Segment
 
@@ -49,7 +50,15 @@ class ForeignIntegration(Integration):
             for own in by_dynamics(swarm.members)
         ]
         seed = swarm.seeds.at(0.0)
-        call_user(world, "begin", "no error", self._agents, seed, self._longest)
+        try:
+            call_user(world, "begin", "no error", self._agents, seed, self._longest)
+        except MistakenMethodError as error:
+            why = error.__cause__
+            if isinstance(why, ValueError | RuntimeError) and not is_users(
+                swarm.scenario.world or {}
+            ):
+                raise WorldError(f"world: {why}") from error
+            raise
 
     def close(self) -> None:
         """Close the world, if it can be closed."""

@@ -9,6 +9,7 @@ import phalanx
 from phalanx.extend import WorldAgent
 from phalanx.testing import WorldMistakeError, check_world
 from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx.theory.models.world import WorldError
 from tests.unit.plant import worlds
 from tests.unit.swarms import rows_of_scenario
 
@@ -110,6 +111,8 @@ def test_a_world_that_goes_wrong_on_the_way_is_never_guaranteed(ran):
     run = ran({"type": "Unicycles", "gain": 3.0, "since": 0.2})
     assert run.verdict != "guaranteed"
     assert failed(run).first == pytest.approx(0.2, abs=2e-3)
+    assert "the most above was" in failed(run).note
+    assert "of agent" in failed(run).note
 
 
 @pytest.mark.slow
@@ -165,3 +168,9 @@ def test_a_world_that_breaks_a_rule_ends_the_run_with_its_name(ran):
 def test_a_world_that_is_none_is_refused():
     with pytest.raises(phalanx.ScenarioError, match="world: expected a dataclass that is a World"):
         phalanx.load("unicycles", ['world={ type = "tests.unit.plant.worlds:Declared" }'])
+
+
+def test_a_shipped_world_that_cannot_start_says_why_and_no_more():
+    table = 'world={ type = "mujoco", failures = [{ at = 1.0, agent = "9" }] }'
+    with pytest.raises(WorldError, match=r"^world: failures: expected names of agents, got 9$"):
+        phalanx.run(phalanx.load("worlds/rovers", [table]), engine="in-process", out=None)
