@@ -143,16 +143,16 @@ class ControlStep:
         if not len(sample.seen) == len(sample.since) == len(sample.latest):
             raise Malformed("wrong size")
         try:
-            states = self._states.unpack(sample.x, sample.seen)
+            x = self._states.unpack(sample.x, sample.seen)
         except ValueError as error:
             raise Malformed("wrong size") from error
         largest = np.maximum.reduce(np.abs(np.frombuffer(sample.x, dtype="<f8")), initial=0.0)
         if not largest <= LARGEST:
             raise Malformed("too large" if np.isfinite(largest) else "not finite")
         existing = _existing(sample)
-        if self.i not in states or not self._heard.issuperset(existing):
+        if self.i not in sample.seen or not self._heard.issuperset(existing):
             raise Malformed("wrong agents")
-        if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
+        if self.i in sample.hearers or not set(sample.seen).issuperset(sample.hearers):
             raise Malformed("wrong agents")
         first, clock = self._next is None, clock_of(sample)
         # In real time samples may be lost, when a router is.
@@ -163,7 +163,7 @@ class ControlStep:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
         self._clock = clock
-        return Accepted(sample, self._states.stack(states), existing)
+        return Accepted(sample, x, existing)
 
     def lacks_broadcasts(self, accepted: Accepted) -> bool:
         """Return whether a broadcast that a sample counts has yet to arrive."""
@@ -232,7 +232,7 @@ class ControlStep:
         received = self.inbox.received()
         delivered = self.inbox.take_delivered()
         convictions = self._watch(sample.t, x, sample.seen, delivered) if self._watch else []
-        proofs = self._convict_equivocators(delivered)
+        proofs = self._convict_equivocators(delivered) if self._witness else []
         if self.audits is not None:
             audited, contradicted = self.audits(sample, delivered, received)
             proofs, convictions = [*proofs, *audited], [*convictions, *contradicted]
@@ -245,11 +245,11 @@ class ControlStep:
             Telemetry(
                 k=sample.k,
                 report=result.report(time.perf_counter() - began),
-                ages=tuple((l, sample.t - received[l].t_apply) for l in result.used),
+                ages=tuple([(l, sample.t - received[l].t_apply) for l in result.used]),
                 fates=fates,
                 rejected=self.rejected + self._refused,
                 received=self._clock.reported(received),
-                convictions=tuple((c.of, c.begin, c.end, c.excess) for c in convictions),
+                convictions=tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]),
                 proofs=tuple(proofs),
                 notes=tuple(result.notes.items()),
             ),

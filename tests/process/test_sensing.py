@@ -38,7 +38,7 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
             _, k, t, seen, x, *_ = fields
             near = within(truth[t], names, who[0])
             assert [names[l] for l in seen] == near
-            held = states.unpack(x, tuple(seen))
+            held = states.unpack(x, tuple(seen)).reshape(5, 3)
             assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in seen)
             sampled[who[0], k] = t
             samples += 1

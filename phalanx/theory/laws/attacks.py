@@ -126,6 +126,7 @@ class _Team:
         swarm = SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
         self._terms = swarm.of(self._self, None, ComposedMargin(guard.eta))
         self._states = swarm.members.states
+        self._terms.compile()
         self._qp = NearestInput(members[i].dynamics.input_metric())
 
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:

@@ -4,7 +4,7 @@ The cost does not grow with the swarm: only pairs in sight are evaluated, kind b
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -101,6 +101,11 @@ class ComposedTerms:
         """
         return LazyTerms(self, x, self._swarm.everyone if seen is None else tuple(seen))
 
+    def compile(self) -> None:
+        """Compile the function of all members now, and not at the first state."""
+        states = self._swarm.members.states
+        self._choose(np.zeros(states[-1].stop), self._swarm.everyone)
+
     def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
         """Output positions of the members seen [m]."""
         if seen != self._seen:
@@ -111,10 +116,10 @@ class ComposedTerms:
         """All pairs in sight, composed at x."""
         return self._choose(x, seen)(x)
 
-    def margin(self, x: Array, seen: tuple[int, ...], composed: ComposedNumbers) -> float:
-        """The margin of the row."""
+    def margin(self, x: Array, seen: tuple[int, ...], disturbance: float) -> float:
+        """The margin of the row, with D_q of the composed pairs."""
         if isinstance(self._margin, ComposedMargin):
-            return self._margin.total(composed.disturbance)
+            return self._margin.total(disturbance)
         return self._margin(x, seen)
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
@@ -135,45 +140,30 @@ class ComposedTerms:
 class LazyTerms:
     """One agent's Terms at one state, computed on first use: rows of pairs need few of them."""
 
+    psi: Array
+    unforced: float
+    c: Mapping[int, Array]
+    least: Mapping[int, float]
+    most: Mapping[int, float]
+    polytopes: Mapping[int, Polytope]
+    positions: Mapping[int, Array]
+    margin: float
+
     def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
         self._terms, self._x, self._seen = terms, x, seen
+        if terms.known is not None:
+            self.polytopes = terms.known
 
-    @cached_property
-    def positions(self) -> Mapping[int, Array]:
-        return self._terms.positions(self._x, self._seen)
-
-    @property
-    def polytopes(self) -> Mapping[int, Polytope]:
-        known = self._terms.known
-        return self._composed.polytopes if known is None else known
-
-    @property
-    def psi(self) -> Array:
-        return self._composed.psi
-
-    @property
-    def unforced(self) -> float:
-        return self._composed.unforced
-
-    @property
-    def c(self) -> Mapping[int, Array]:
-        return self._composed.c
-
-    @property
-    def least(self) -> Mapping[int, float]:
-        return self._composed.least
-
-    @property
-    def most(self) -> Mapping[int, float]:
-        return self._composed.most
-
-    @cached_property
-    def margin(self) -> float:
-        return self._terms.margin(self._x, self._seen, self._composed)
-
-    @cached_property
-    def _composed(self) -> ComposedNumbers:
-        return self._terms.composed(self._x, self._seen)
+    def __getattr__(self, name: str) -> Any:
+        """Compute a term that is missing, with those that are computed in the same call."""
+        terms, x, seen = self._terms, self._x, self._seen
+        if name == "positions":
+            self.positions = terms.positions(x, seen)
+        else:
+            found = terms.composed(x, seen)
+            self.psi, self.unforced, disturbance, self.c, self.least, self.most, known = found
+            self.polytopes, self.margin = known, terms.margin(x, seen, disturbance)
+        return vars(self)[name]
 
 
 class ObstaclesInSight:

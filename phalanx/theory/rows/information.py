@@ -86,12 +86,16 @@ class InformationModel:
 
     def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
         """û_l by agent, where it counts for an input that takes effect at t [s]."""
-        return {l: np.array(h.u) for l, h in received.items() if self._counts(l, t, h.t_apply)}
-
-    def _counts(self, l: int, t: float, t_apply: float) -> bool:
-        if self.kind is Information.IN_FLIGHT:
-            return t < t_apply + self.unchanged[l] - _INSTANT
-        return self.kind is Information.PAPER and t - t_apply <= self.silence
+        match self.kind:
+            case Information.PAPER:
+                silence = self.silence
+                counted = {l: h for l, h in received.items() if t - h.t_apply <= silence}
+            case Information.IN_FLIGHT:
+                least = self.unchanged
+                counted = {l: h for l, h in received.items() if t < h.t_apply + least[l] - _INSTANT}
+            case _:
+                return {}
+        return {l: np.array(h.u) for l, h in counted.items()}
 
     def sharing(
         self,

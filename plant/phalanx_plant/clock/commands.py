@@ -105,7 +105,7 @@ class CommandQueue:
         taken = self._scheduled(t)
         while True:
             wait = self.pace.wait(t)
-            if wait <= 0 and self._live.empty():
+            if wait <= 0 and not self._live.queue:
                 return taken
             try:
                 command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _POLL)))

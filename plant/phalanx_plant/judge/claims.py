@@ -48,8 +48,9 @@ class Claims:
     def add_truth(self, i: int, k: int, truth: Claim) -> None:
         """Record the input that agent i's actuator received for sample k."""
         self._truth[i].put(k, truth)
-        for receiver, claim, t in self._early.pop((i, k), ()):
-            self._compare(i, k, truth, receiver, claim, t)
+        if self._early:
+            for receiver, claim, t in self._early.pop((i, k), ()):
+                self._compare(i, k, truth, receiver, claim, t)
 
     def check(self, receiver: int, fate: Fate, t: float) -> Finding:
         """Check a broadcast on which the receiver reports at t [s]; a lost one claims nothing."""
@@ -98,9 +99,10 @@ class _Inputs:
         self._width, self._rows = 1 + size, array("d")
 
     def put(self, k: int, claim: Claim) -> None:
-        lacking = (k + 1) * self._width - len(self._rows)
-        self._rows.extend([math.nan] * max(lacking, 0))
-        self._rows[k * self._width : (k + 1) * self._width] = array("d", (claim.t_apply, *claim.u))
+        rows, begin = self._rows, k * self._width
+        if (lacking := begin - len(rows)) > 0:  # inputs that were lost
+            rows.extend([math.nan] * lacking)
+        rows[begin : begin + self._width] = array("d", (claim.t_apply, *claim.u))
 
     def get(self, k: int) -> Claim | None:
         row = self._rows[k * self._width : (k + 1) * self._width]

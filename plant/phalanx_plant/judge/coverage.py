@@ -109,4 +109,4 @@ class Coverage:
         # The previous certificate ends with its input.
         self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
         self.ends[pairs] = np.maximum(until, self._until[other])
-        return float(proven.min(initial=np.inf))
+        return float(np.minimum.reduce(proven, initial=np.inf))

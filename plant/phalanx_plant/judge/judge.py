@@ -162,10 +162,11 @@ class Judge:
         extremes, before = self.extremes, self._unsafe
         now = self._unsafe = extremes.take_unsafe()
         notices, self._notes = self._notes, []
-        notices += [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
-        notices += [
-            Log(event.t, f"{extremes.label(p)} is safe again") for p in sorted(before - now)
-        ]
+        if now != before:
+            notices += [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
+            notices += [
+                Log(event.t, f"{extremes.label(p)} is safe again") for p in sorted(before - now)
+            ]
         return Judged(event, notices, peak=extremes.take_peak())
 
     def _command(self, event: CommandApplied) -> Judged:

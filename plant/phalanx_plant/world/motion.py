@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.safety.composition import Member
 
@@ -19,10 +19,10 @@ class _SameDynamics(NamedTuple):
     """Indices of their states in the stacked state, shape (r, n)."""
     after: Index
     """Indices of states and output positions in the stack of both, shape (r, n + d)."""
-    numbers: Index
-    """Indices of x, u, φ, φ' and dt in the stack of all five, shape (r, k)."""
     steps: list[MappedFunction]
     """For 1 to `most` steps: state and position after each, shape (steps, n + d)."""
+    rows: list[tuple[MappedRows, Array]]
+    """The same of these agents, with the results of the last call, shape (steps, r, n + d)."""
     position: MappedFunction
 
 
@@ -49,7 +49,13 @@ class Motion:
             p = total + axes * own[:, None] + np.arange(axes)
             state = ca.SX.sym("x", len(dynamics.states))
             position = MappedFunction([state], [dynamics.position(state)])
-            group = _SameDynamics(x, np.hstack([x, p]), numbers, steps, position)
+            rows = [function.at(numbers) for function in steps]
+            found = [
+                each.results.reshape(len(own), count, -1).swapaxes(0, 1)
+                for count, each in enumerate(rows, start=1)
+            ]
+            both = list(zip(rows, found, strict=True))
+            group = _SameDynamics(x, np.hstack([x, p]), steps, both, position)
             self._groups.append(group)
             self._group_of |= dict.fromkeys(each, group)
 
@@ -69,8 +75,9 @@ class Motion:
         numbers, states = np.concatenate([x, u, phi, slope, [dt]]), x.size
         after = np.empty((count, states + self._outputs))
         for group in self._groups:
-            found = group.steps[count - 1](numbers, group.numbers)
-            after[:, group.after] = found.reshape(found.shape[0], count, -1).swapaxes(0, 1)
+            rows, found = group.rows[count - 1]
+            rows(numbers)
+            after[:, group.after] = found
         return after[:, :states], after[:, states:].reshape(count, -1, self._axes)
 
     def one_agent(

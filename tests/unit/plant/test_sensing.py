@@ -84,7 +84,7 @@ def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(seen)
     x = np.random.default_rng(1).normal(size=15)
     packed = states.pack(x, seen)
     assert len(packed) == 8 * 3 * len(seen)
-    found = states.stack(states.unpack(packed, seen)).reshape(5, 3)
+    found = states.unpack(packed, seen).reshape(5, 3)
     for l, state in enumerate(x.reshape(5, 3)):
         assert np.array_equal(found[l], state) if l in seen else np.isnan(found[l]).all()
     assert np.array_equal(states.unpack_one(seen[-1], packed, seen), x.reshape(5, 3)[seen[-1]])
