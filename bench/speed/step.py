@@ -70,7 +70,7 @@ def main() -> None:
     """Measure each part alternately, several times, and print a table of medians."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--only", choices=list(SIMULATIONS), help="one simulation")
-    arguments.add_argument("--rounds", type=int, default=5)
+    arguments.add_argument("--rounds", type=int, default=10)
     options = arguments.parse_args()
     print("| | step [µs] | exchange [µs] | compute [µs] | step / (exchange + compute) |")
     print("|---|---|---|---|---|")

@@ -142,7 +142,7 @@ def _decided(step: ControlStep, shown: StepData, recorded: Step, states: StateCo
         step.apply_commands(ActiveCommands(adversary=True))
     names = step.swarm.names
     seen = tuple(map(names.index, shown.seen))
-    x = states.stack(states.unpack(np.array(shown.x, dtype="<f8").tobytes(), seen))
+    x = states.unpack(np.array(shown.x, dtype="<f8").tobytes(), seen)
     received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
     result = step.decide(x, seen, shown.t, received)
     return msgspec.structs.replace(

@@ -90,7 +90,11 @@ class BroadcastInbox:
 
         at: virtual time of its arrival [s]; -inf in lockstep.
         """
-        return self._incoming[sender].put(message, at)
+        incoming, k = self._incoming[sender], message.k
+        if k <= incoming.decided or k in incoming.arrived:
+            return False
+        incoming.arrived[k] = message, at
+        return True
 
     def lacks(self, counted: Mapping[int, BroadcastRange]) -> bool:
         """Return whether a counted broadcast has yet to arrive."""
@@ -135,10 +139,14 @@ class BroadcastInbox:
                 self._received.pop(sender, None)
             if latest > incoming.decided:
                 fates += self._decide(sender, latest, t, distance)
-            for message in incoming.land(t) if incoming.in_flight else ():
-                self._delivered.append((sender, message))
-                if incoming.is_newer(message):
-                    self._received[sender] = message
+            if not incoming.in_flight:
+                continue
+            landed = incoming.land(t)
+            self._delivered += [(sender, message) for message in landed]
+            for message in landed:
+                # A slow broadcast may be delivered after one that was sent later.
+                if message.k > incoming.newest:
+                    incoming.newest, self._received[sender] = message.k, message
         return tuple(fates)
 
     def take_corrupt(self) -> list[tuple[int, SentInput]]:
@@ -195,7 +203,7 @@ class BroadcastInbox:
 class Incoming:
     """Broadcasts of one sender: those arrived, those decided, and those in flight."""
 
-    __slots__ = ("_newest", "arrived", "decided", "in_flight", "since")
+    __slots__ = ("arrived", "decided", "in_flight", "newest", "since")
 
     def __init__(self) -> None:
         self.since: int | None = None
@@ -206,15 +214,8 @@ class Incoming:
         """By number: broadcasts not decided yet, each with its time of arrival [s]."""
         self.in_flight: list[tuple[float, SentInput]] = []
         """Copies not delivered yet, each with its time of delivery [s]."""
-        self._newest = -1
-
-    def put(self, message: SentInput, at: float) -> bool:
-        """Store a broadcast. Return False if it was decided or stored before."""
-        k = message.k
-        if k <= self.decided or k in self.arrived:
-            return False
-        self.arrived[k] = message, at
-        return True
+        self.newest = -1
+        """The newest broadcast delivered."""
 
     def missing(self, since: int, latest: int) -> list[int]:
         """Return the numbers in this range that are neither decided nor stored."""
@@ -246,13 +247,3 @@ class Incoming:
         if landed:
             self.in_flight = [flying for flying in self.in_flight if flying[0] > t]
         return landed
-
-    def is_newer(self, message: SentInput) -> bool:
-        """Return whether a broadcast is newer than all before, and then count it among them.
-
-        A slow broadcast may be delivered after one that was sent later.
-        """
-        newer = message.k > self._newest
-        if newer:
-            self._newest = message.k
-        return newer

@@ -85,7 +85,7 @@ MUTANTS = (
     Mutant("a broadcast of another size", _STEP,
            "len(message.u) != broadcaster.inputs", "False", _TEST_STEP),
     Mutant("a broadcast twice", "phalanx/network/inbox.py",
-           "k <= self.decided or k in self.arrived", "False", _TEST_LINKS),
+           "k <= incoming.decided or k in incoming.arrived", "False", _TEST_LINKS),
     Mutant("a delay from t instead of t_apply", "phalanx/network/inbox.py",
            "in_flight.append((sent + copy.after, message))",
            "in_flight.append((t + copy.after, message))",

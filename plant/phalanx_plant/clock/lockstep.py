@@ -226,7 +226,7 @@ class Lockstep:
             )
 
     def _answer_to(self, pending: _PendingInput, wait: bool) -> Array | None:
-        if (early := self._early.pop(pending, None)) is not None:
+        if self._early and (early := self._early.pop(pending, None)) is not None:
             return early
         agents, i = self._agents, pending.i
         u = agents.await_input(i) if wait else agents.take_input(i)

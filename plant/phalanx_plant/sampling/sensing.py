@@ -121,11 +121,14 @@ class Contacts:
 
     def sampled(self, i: int, k: int, t: float, visible: Visibility) -> None:
         """Record that agent i takes sample k at t [s]: its broadcast k will go to its hearers."""
-        seen = set(visible.seen)
-        self._first[i] = {j: first for j, first in self._first[i].items() if j in seen}
-        for l in set(self._heard[i]).difference(visible.hearers):
-            self._first[l].pop(i, None)
-        for l in visible.hearers:
-            self._first[l].setdefault(i, k)
-        self._heard[i] = visible.hearers
+        firsts, seen, hearers = self._first, visible.seen, visible.hearers
+        if not firsts[i].keys() <= set(seen):
+            firsts[i] = {j: firsts[i][j] for j in seen if j in firsts[i]}
+        if hearers != self._heard[i]:
+            for l in set(self._heard[i]).difference(hearers):
+                firsts[l].pop(i, None)
+            self._heard[i] = hearers
+        for l in hearers:
+            if i not in firsts[l]:
+                firsts[l][i] = k
         self._sent[i].append((t + self._latency, k))
