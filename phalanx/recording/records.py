@@ -55,8 +55,7 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
 
     def __post_init__(self) -> None:
         """Compute the oldest age, which older recordings do not have."""
-        if self.oldest_input is None and self.ages:
-            self.oldest_input = max(age for _, age in self.ages)
+        self.oldest_input = max([age for _, age in self.ages]) if self.ages else None
 
 
 class StepData(msgspec.Struct):
