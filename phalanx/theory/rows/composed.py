@@ -156,6 +156,8 @@ class LazyTerms:
 
     def __getattr__(self, name: str) -> Any:
         """Compute a term that is missing, with those that are computed in the same call."""
+        if name not in LazyTerms.__annotations__:
+            raise AttributeError(f"terms have no {name!r}")
         terms, x, seen = self._terms, self._x, self._seen
         if name == "positions":
             self.positions = terms.positions(x, seen)
