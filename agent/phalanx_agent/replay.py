@@ -38,18 +38,17 @@ class StepReplay:
         Raises ValueError: no sample or memory of this agent's; or what its controller raises.
         """
         l, swarm = reveal.sender, self._rows.swarm
-        states = self._codec.unpack(reveal.x, reveal.seen)
+        x = self._codec.unpack(reveal.x, reveal.seen)
         received = {claim.sender: claim for claim in reveal.received}
-        if l not in states or not set(swarm.heard_by(l)).issuperset(received):
+        if l not in reveal.seen or not set(swarm.heard_by(l)).issuperset(received):
             raise ValueError("expected the agent itself and those that it hears")
-        if not all(np.isfinite(state).all() for state in states.values()):
+        if not np.isfinite(np.frombuffer(reveal.x, dtype="<f8")).all():
             raise ValueError("expected finite states")
         if l not in self._controllers:
             trust = _RevealedTrust(conviction_takes(swarm, l))
             self._controllers[l] = DistributedController(self._rows, l, trust), trust
         controller, trust = self._controllers[l]
         controller.memory, trust.revealed = reveal.memory, frozenset(reveal.trusted)
-        x = self._codec.stack(states)
         u = controller(x, reveal.seen, reveal.t, received).decision.u
         return Claim(reveal.t + swarm.time.latency, tuple(u.tolist()))
 
