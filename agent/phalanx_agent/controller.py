@@ -128,7 +128,7 @@ class DistributedController:
 
         Until when its pairs are quiet, and how many waypoints were reached.
         """
-        parts = [proofs.quiet_until.tobytes() for proofs in self._proofs]
+        parts = [proofs.memory.tobytes() for proofs in self._proofs]
         if self._waypoints is not None:
             parts.append(np.float64(self._waypoints.reached).tobytes())
         return b"".join(parts)
@@ -140,8 +140,8 @@ class DistributedController:
             raise ValueError(f"expected {len(self.memory)} bytes, got {len(kept)}")
         values = np.frombuffer(kept)
         for proofs in self._proofs:
-            size = len(proofs.quiet_until)
-            proofs.quiet_until[:], values = values[:size], values[size:]
+            size = len(proofs.memory)
+            proofs.memory, values = values[:size], values[size:]
         if self._waypoints is not None:
             self._waypoints.reached = int(values[0])
 

@@ -43,12 +43,23 @@ class OwnProofs:
         self._seen: tuple[int, ...] = ()
         self._in_sight = np.zeros(len(own.pairs), dtype=bool)
         """Pairs with what is seen that some input can certify."""
-        self.quiet_until = np.full(len(own.pairs), -np.inf)
+        self._quiet_until = np.full(len(own.pairs), -np.inf)
         """Time up to which each pair is proven safe for all inputs of all agents [s]."""
+        self._all_quiet_until = -np.inf
+        """The same of all pairs in sight [s]."""
         self._provable = np.array([pair not in own.refused for pair in own.pairs], dtype=bool)
 
-    def near(self, now: FilterInput) -> Mask:
-        """Pairs in sight that may become unsafe in the time needed, shape (p,).
+    @property
+    def memory(self) -> Array:
+        """Time up to which each pair is safe for all inputs of all agents [s], shape (p,)."""
+        return self._quiet_until
+
+    @memory.setter
+    def memory(self, quiet_until: Array) -> None:
+        self._quiet_until[:], self._seen = quiet_until, ()
+
+    def near(self, now: FilterInput) -> Mask | None:
+        """Pairs in sight that may become unsafe in the time needed, shape (p,); None without any.
 
         Most are too far apart for several samples, for all inputs, and are not looked at meanwhile.
         """
@@ -56,12 +67,15 @@ class OwnProofs:
             self._seen = now.seen
             known = np.isin(self.others, now.seen) | (self.others >= self.agents)
             self._in_sight = known & self._provable
-        due: Mask = self._in_sight & (self.quiet_until < now.t + self._needed)
+        elif self._all_quiet_until >= now.t + self._needed:
+            return None
+        due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
         if due.any():
             may_meet = self._certificates.may_meet(self.own, now.x, due)
-            self.quiet_until[due & ~may_meet] = now.t + self.own.longest
+            self._quiet_until[due & ~may_meet] = now.t + self.own.longest
             due = may_meet
-        return due
+        self._all_quiet_until = float(self._quiet_until[self._in_sight].min(initial=np.inf))
+        return due if due.any() else None
 
     def times(self, now: FilterInput, near: Mask, inputs: Sequence[Array]) -> list[Array]:
         """Return for each input the times for which its pairs are proven safe [s]."""
@@ -95,7 +109,7 @@ class EarnedFilter:
         if not now.trusted:
             return filtered, now
         near = self.proofs.near(now)
-        while now.trusted and near.any():
+        while now.trusted and near is not None:
             (times,) = self.proofs.times(now, near, [filtered.decision.u])
             short = set(self.proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
             if not short:
@@ -125,24 +139,25 @@ class ProvenFilter:
         """The input to apply, and for how long it is proven safe."""
         filtered = self._first(now)
         near = self.proofs.near(now)
-        if not near.any():
-            return self._reported(filtered, np.zeros(0))
+        if near is None:
+            return self._reported(filtered, self._own.longest)
         (times,) = self.proofs.times(now, near, [filtered.decision.u])
         weak = near & (times < self._own.tau)
         if not weak.any():
-            return self._reported(filtered, times[near])
+            return self._reported(filtered, float(times[near].min()))
         whole = self._with_whole_rows(now, weak)
         (again,) = self.proofs.times(now, near, [whole.decision.u])
         if whole.decision.origin is Origin.PROVEN and not (again[near] < self._own.tau).any():
-            return self._reported(whole, again[near])
+            return self._reported(whole, float(again[near].min()))
         u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u])
         if longest > 0.0 and u is not filtered.decision.u:
             made = filtered.decision._replace(u=u, origin=Origin.LONGEST, proven=longest)
             return Filtered(made, [])
-        return self._reported(filtered, times[near])
+        return self._reported(filtered, float(times[near].min()))
 
-    def _reported(self, filtered: Filtered, times: Array) -> Filtered:
-        proven = float(times.min(initial=self._own.longest))
+    def _reported(self, filtered: Filtered, least: float) -> Filtered:
+        """Add for how long the pairs near are proven safe [s]."""
+        proven = min(least, self._own.longest)
         return filtered._replace(decision=filtered.decision._replace(proven=proven))
 
     def _with_whole_rows(self, now: FilterInput, weak: Mask) -> Filtered:
