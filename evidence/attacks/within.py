@@ -21,9 +21,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import phalanx
-from phalanx.attacks.archive import Find
+from phalanx.attacks.archive import Find, table_of
 from phalanx.attacks.attack import DECLARATION, Options, attack
-from phalanx.attacks.finds import table_of
 from phalanx.attacks.knobs import Fields
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History

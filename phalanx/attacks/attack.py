@@ -8,8 +8,7 @@ from typing import Any
 
 import tomli_w
 
-from phalanx.attacks.archive import Behaviour, Find
-from phalanx.attacks.finds import write_finds
+from phalanx.attacks.archive import Behaviour, Find, write_finds
 from phalanx.attacks.knobs import space_of
 from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.page import write_attack_page

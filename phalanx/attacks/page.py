@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
-from phalanx.attacks.archive import Behaviour, Find
-from phalanx.attacks.finds import table_of
+from phalanx.attacks.archive import Behaviour, Find, table_of
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History, Search
 from phalanx.report.html import document, drawing, note, section, sortable, table
