@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 
@@ -17,6 +19,7 @@ def test_an_unknown_command_is_refused_with_where_to_look(capsys):
     assert "phalanx --help" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_takes_long_to_import_is_imported_by_the_commands_that_need_it():
     heavy = ("casadi", "cryptography", "numpy", "polars", "pydantic", "scipy", "viser", "zenoh")
     loaded = f"import sys, phalanx.cli.app; print(sorted(set({heavy}) & set(sys.modules)))"

@@ -112,6 +112,7 @@ def test_runs_with_modules_of_one_name_are_compared_each_in_a_process_of_its_own
     assert "law_of_two_versions" not in sys.modules
 
 
+@pytest.mark.slow
 def test_runs_with_modules_that_are_not_trusted_are_refused_with_what_to_do(
     versions: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

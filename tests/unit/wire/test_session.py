@@ -6,6 +6,8 @@ import socket
 import subprocess
 import sys
 
+import pytest
+
 from phalanx.wire import session
 from phalanx.wire.session import open_hub, reserved_endpoint
 
@@ -49,6 +51,7 @@ with reserved_endpoint() as endpoint, open_hub(endpoint):
 """
 
 
+@pytest.mark.slow
 def test_a_hub_that_a_client_started_does_not_forward_in_the_clients_single_thread():
     """Without this a flood of one agent's peer blocked all programs while it lasted."""
     environment = {**os.environ, session._RUNTIME: session._CLIENT_RUNTIME}

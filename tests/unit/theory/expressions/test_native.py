@@ -57,6 +57,7 @@ def _built() -> MappedFunction:
     return _mapped()
 
 
+@pytest.mark.slow
 def test_machine_code_computes_the_bits_of_the_interpreter(folder, rng):
     values = rng.normal(scale=10.0, size=900)
     values[:9] = 0.0, -0.0, np.inf, -np.inf, np.nan, 1e-310, 1e300, 1.0, -1.0
@@ -70,6 +71,7 @@ def test_machine_code_computes_the_bits_of_the_interpreter(folder, rng):
     assert np.array_equal(np.signbit(found)[known], np.signbit(expected)[known])
 
 
+@pytest.mark.slow
 def test_a_function_of_several_inputs_is_compiled_too(folder):
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     with missing() as functions:
@@ -84,6 +86,7 @@ def test_a_function_of_several_inputs_is_compiled_too(folder):
         assert np.array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_library_with_other_bits_is_refused_and_the_interpreter_runs(folder, caplog):
     x = ca.SX.sym("x", 3)
     with missing() as functions:
@@ -100,6 +103,7 @@ def test_a_library_with_other_bits_is_refused_and_the_interpreter_runs(folder, c
     assert native(again._function) is None
 
 
+@pytest.mark.slow
 def test_a_damaged_library_is_refused(folder, caplog):
     _built()
     (library,) = folder.glob("*.so")
@@ -118,6 +122,7 @@ def test_a_folder_that_others_may_write_to_is_not_used(folder, caplog):
     assert "other users may write to it" in caplog.text
 
 
+@pytest.mark.slow
 def test_without_a_compiler_nothing_is_looked_up(folder, monkeypatch, capsys):
     _built()
     monkeypatch.setenv(COMPILER, "")
@@ -127,6 +132,7 @@ def test_without_a_compiler_nothing_is_looked_up(folder, monkeypatch, capsys):
     assert "no C compiler" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_compiler_that_fails_is_quoted(folder):
     function = ca.Function("f", [ca.SX.sym("x")], [ca.SX(1.0)])
     with pytest.raises(OSError, match="no-such-option"):
