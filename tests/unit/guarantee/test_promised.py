@@ -47,7 +47,7 @@ def test_the_nearest_of_many_pairs_counts():
 
 @pytest.mark.parametrize("file", ATTACKS, ids=[file.stem for file in ATTACKS])
 def test_attacks_that_ship_violate_later_than_promised(file):
-    (when,) = re.findall(r"leaves the safe set at (\S+) s", file.read_text(encoding="utf-8"))
+    (when,) = re.findall(r"unsafe from (\S+) s on", file.read_text(encoding="utf-8"))
     assert 0.0 < ahead(str(file)).time < float(when)
 
 
