@@ -1,6 +1,6 @@
 """One row for each pair against one row for h_tot = LSE of all pairs, on both simulations.
 
-    python evidence/paper/compositions.py [--seeds 20] [--out docs/compositions.md]
+    python evidence/paper/compositions.py [--seeds 20] [--out evidence/paper/compositions.md]
 
 First the margin that can be proven, by the paper's formula over the workspace and locally at the
 states of a run; then the outcomes of runs.
@@ -49,7 +49,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--seeds", type=int, default=20)
     arguments.add_argument("--only", choices=SIMULATIONS.values(), action="append")
-    arguments.add_argument("--out", type=Path, default=Path("docs/compositions.md"))
+    arguments.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".md"))
     options = arguments.parse_args()
     chosen = options.only or list(SIMULATIONS.values())
     with options.out.open("w") as page:
@@ -65,7 +65,7 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
         "This page compares one row for all pairs with one row for each pair: the margins that "
         f"can be proven, and runs of seeds 0 to {seeds - 1}. "
         "`python evidence/paper/compositions.py` writes it; terms are in the "
-        "[glossary](glossary.md)."
+        "[glossary](../../docs/glossary.md)."
     )
     yield from ["", *NOTES]
     for title, name in SIMULATIONS.items():

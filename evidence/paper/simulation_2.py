@@ -34,7 +34,7 @@ def page(results: Results) -> str:
         "and without its margin. `scenarios/formation3d.toml` and `formation3d-beta3.toml` run for "
         "140 s each; `python evidence/paper/simulation_2.py --seeds 20` writes this page and keeps "
         "every seed's result in `build/bench/`. Runs with `split` are in "
-        "[compositions](compositions.md), terms in the [glossary](glossary.md).",
+        "`evidence/paper/compositions.md`, terms in the [glossary](glossary.md).",
         "",
         "![Simulation 2: paths, h_tot, and the inputs of a normal agent](images/formation3d.png)",
         "",
