@@ -1,8 +1,9 @@
 """Train an attacker for about a minute, and compare it to attacks that ship.
 
-pip install 'phalanx-swarm[pettingzoo]' cmaes; python examples/train_attacker.py
+pip install 'phalanx-swarm[pettingzoo]' cmaes; python examples/train_attacker.py [GENERATIONS]
 """
 
+import sys
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
@@ -48,7 +49,7 @@ if __name__ == "__main__":
     ahead = np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 5.0, 0.0, 0.0, 0.0])  # towards the target
     search, fresh = CMA(mean=ahead, sigma=1.0, seed=1, population_size=8), range(100, 110)
     with ProcessPoolExecutor() as pool:
-        for _ in range(16):
+        for _ in range(int(sys.argv[1]) if sys.argv[1:] else 16):
             asked = [search.ask() for _ in range(search.population_size)]
             tried = [(x, -np.mean(h)) for x, h in zip(asked, pool.map(trained, asked), strict=True)]
             search.tell(tried)
