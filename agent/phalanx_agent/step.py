@@ -282,7 +282,7 @@ class ControlStep:
         if not self._lies.declared:
             return dict.fromkeys(sample.hearers, self._broadcast(sample.k, truth))
         past, names = self._past, self.swarm.names
-        told = {
+        claims = {
             l: self._lies.claim(
                 names[l],
                 sample.k,
@@ -293,7 +293,7 @@ class ControlStep:
             for l in sample.hearers
         }
         past.append(truth.u)
-        return {l: self._broadcast(sample.k, claim) for l, (claim, _) in told.items()}
+        return {l: self._broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
 
     def _broadcast(self, k: int, claim: Claim) -> Broadcast:
         """Make the broadcast of a claim, signed if the run has evidence."""

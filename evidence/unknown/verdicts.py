@@ -60,13 +60,13 @@ class Case(NamedTuple):
             yield f"hijack at {at:g} s", [{"kind": "hijack", "at": at, "agents": [self.agent]}]
         for name, lie in LIES.items() if self.instants else ():
             at = self.instants[0]
-            told = {k: v * self.period if k == "apply_time" else v for k, v in lie.items()}
+            fields = {k: v * self.period if k == "apply_time" else v for k, v in lie.items()}
             turn = {"kind": "turn", "at": at, "agents": [self.agent]}
             yield (
                 name,
                 [
                     turn,
-                    {"kind": "lie", "agent": self.agent, "at": at, "for": self.duration, **told},
+                    {"kind": "lie", "agent": self.agent, "at": at, "for": self.duration, **fields},
                 ],
             )
 
