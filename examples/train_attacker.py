@@ -50,10 +50,9 @@ if __name__ == "__main__":
     search, fresh = CMA(mean=ahead, sigma=1.0, seed=1, population_size=8), range(100, 110)
     with ProcessPoolExecutor() as pool:
         for _ in range(int(sys.argv[1]) if sys.argv[1:] else 16):
-            asked = [search.ask() for _ in range(search.population_size)]
-            tried = [(x, -np.mean(h)) for x, h in zip(asked, pool.map(trained, asked), strict=True)]
-            search.tell(tried)
-    found = {"trained": trained(min(tried, key=lambda each: each[1])[0], fresh)}
+            xs = [search.ask() for _ in range(search.population_size)]
+            search.tell([(x, -np.mean(h)) for x, h in zip(xs, pool.map(trained, xs), strict=True)])
+    found = {"trained": trained(search.mean, fresh)}
     for name, law in (("chase", CHASE), ("worst", WORST)):
         runs = (phalanx.run(scenario(law, seed), engine="in-process") for seed in fresh)
         found[name] = [run.h["1-2"].max() for run in runs]
