@@ -1,4 +1,4 @@
-"""docs/scenario.md holds what the code holds: built-in types, their fields, limits and numbers."""
+"""docs/scenario.md holds what the code holds: built-in types, their fields and limits."""
 
 import dataclasses
 import re
@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.scenario.load import load
 from phalanx.scenario.model import MAX_AGENTS
 from phalanx.schema.registry import BUILT_IN
 from phalanx.theory.models.dynamics import Dynamics
@@ -29,8 +28,3 @@ def test_a_dynamics_has_its_fields_on_the_page(name):
 
 def test_the_page_has_the_largest_swarm():
     assert f"at most {MAX_AGENTS} agents" in PAGE
-
-
-def test_the_page_has_the_disturbance_of_the_guaranteed_scenario():
-    (bound,) = {group.disturbance.bound for group in load("guaranteed").agents}
-    assert re.search(rf"\| `guaranteed` \|.*φ\^max {bound:g} \|", PAGE)
