@@ -261,7 +261,7 @@ def test_the_page_on_architecture_says_what_every_room_is_for():
 def test_the_page_on_certificates_lists_all_that_the_checker_shares():
     page = (ROOT / "docs" / "certificate.md").read_text("utf-8")
     shared = page.partition("### What it shares")[2].partition("\n## ")[0]
-    rows = re.findall(r"^\| `(phalanx[\w.]+)` \| (.*): ", shared, re.MULTILINE)
+    rows = re.findall(r"^- `(phalanx[\w.]+)`: (.*)$", shared, re.MULTILINE)
     listed = {
         f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)
     }
