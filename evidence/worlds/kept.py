@@ -71,6 +71,8 @@ def studied(
             confirm=0.0,
             progress=True,
         )
+    if broken := study.frame.filter(pl.col("outcome") == "broken")["reason"].to_list():
+        raise SystemExit(f"{len(broken)} runs are broken: {broken[0]}")
     found = {}
     for number, title in enumerate(variants):
         runs = study.frame.filter(pl.col("point") == number)
