@@ -7,7 +7,7 @@ VENV ?= .venv
 READY := $(VENV)/.ready
 PYTEST := $(VENV)/bin/python -m pytest -q --durations 10
 # Tests of processes come first: they wait most, and others run meanwhile.
-LAYERS := -n 6 --dist loadscope --no-loadscope-reorder
+LAYERS := -n 4 --dist loadscope --no-loadscope-reorder
 # Some environments set it. Every process would compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 

@@ -4,10 +4,13 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
 
 settings.register_profile(
     "seeded",
@@ -38,6 +41,26 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
     gc.enable()
+
+
+class _FromBothEnds(LoadScopeScheduling):
+    """Gives out modules in their order, to the first two workers from the end.
+
+    Tests of processes come first and wait most, unit tests last and compute most. Six workers that
+    share the latter compile the functions of most scenarios six times.
+    """
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        if node in self.nodes[:2]:
+            self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
+        super()._assign_work_unit(node)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling | None:
+    """Begin at both ends with `--dist loadscope`, where it was not asked to sort modules."""
+    scoped = config.option.dist == "loadscope" and not config.option.loadscopereorder
+    return _FromBothEnds(config, log) if scoped else None
 
 
 @pytest.fixture(autouse=True)

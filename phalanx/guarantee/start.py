@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import linprog
 
 from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import highest_within
@@ -108,6 +107,9 @@ def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
 
 def _solvable(inputs: Polytope, rows: Rows) -> bool:
     """Return whether some input satisfies the rows, by a linear program, to the solver's 1e-7."""
+    # Half a second, which the start of any run would pay; few have so many rows.
+    from scipy.optimize import linprog
+
     A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
     found = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
     return bool(found.status == 0)

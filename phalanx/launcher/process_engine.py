@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from phalanx.faults.commands import EFFECTS
-from phalanx.faults.fault import AgentFault
+from phalanx.faults.fault import AgentFault, Fault
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
 from phalanx.launcher.engine import EngineError, Progress, RunOptions
 from phalanx.launcher.live import announced
@@ -68,7 +68,7 @@ def _run(
             _status_handled(scenario, membership, processes, options.progress),
         ):
             options.announce(folder)
-            processes.wait_for_plant()
+            processes.wait_for_plant(_may_lose_agents(scenario, options))
     finally:
         processes.end()
     summary = _verdict(folder, processes)
@@ -94,12 +94,23 @@ def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Pro
 def _require_alone(scenario: Scenario) -> None:
     """Raise EngineError if a fault is of the process of one agent."""
     for n, fault in enumerate(scenario.faults):
-        begins = fault.begins_with if isinstance(fault, AgentFault) else None
-        if begins and EFFECTS[begins].process:
+        if _is_of_process(fault):
             raise EngineError(
                 f"faults.{n}: expected one agent a process, to {fault.kind} one: leave "
                 "--agents-per-process out"
             )
+
+
+def _may_lose_agents(scenario: Scenario, options: RunOptions) -> bool:
+    """Return whether an agent's process may be killed without ending the run."""
+    commands = options.commands
+    commanded = commands.secret or commands.schedule or options.real_time is not None
+    return bool(commanded) or any(map(_is_of_process, scenario.faults))
+
+
+def _is_of_process(fault: Fault) -> bool:
+    begins = fault.begins_with if isinstance(fault, AgentFault) else None
+    return bool(begins and EFFECTS[begins].process)
 
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:

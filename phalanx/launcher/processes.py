@@ -142,17 +142,20 @@ class Processes:
 
     # A second Ctrl-C must not interrupt the reaction to the first.
     @interrupt.deferred()
-    def wait_for_plant(self) -> None:
+    def wait_for_plant(self, may_lose_agents: bool) -> None:
         """Wait until the plant has ended. Ctrl-C asks it to stop, the next one aborts it.
 
         The plant detects a dead agent by its liveliness token. If an agent fails before it has
         joined, and so has no token, the plant gets SIGUSR1.
+
+        Args:
+            may_lose_agents: whether agents may be killed without ending the run.
         """
         notified, stop_requested = False, math.inf
         while self.plant_runs:
             try:
                 interrupt.raise_pending()
-                if not notified and any(map(self._failed, self._exits)):
+                if not notified and self._failed(may_lose_agents):
                     self._await_plant(_NOTICE)
                     notified = self._signal_plant(signal.SIGUSR1)
                 elif time.monotonic() > stop_requested + _LONGEST_END:
@@ -233,10 +236,10 @@ class Processes:
                 os.kill(self._pids[PLANT], number)
         return PLANT in self._pids
 
-    def _failed(self, name: str) -> bool:
-        """Return whether an agent ended with an error; a kill may be part of the run."""
-        code = self._exits[name]
-        return name != PLANT and code > 0 and code not in _VERDICTS
+    def _failed(self, may_be_killed: bool) -> bool:
+        """Return whether an agent has ended with an error."""
+        ended = {code for name, code in self._exits.items() if name != PLANT} - _VERDICTS
+        return any(code > 0 or not may_be_killed for code in ended)
 
     def _failure(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
         log = self._logs / log_name

@@ -98,6 +98,7 @@ def a_study(seed: int) -> phalanx.Run:
     return phalanx.run(phalanx.load("one-on-one", {"duration": 0.2}, seed), engine="in-process")
 
 
+@pytest.mark.nightly
 def test_a_run_that_a_worker_process_made_can_be_read_at_home():
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         run = pool.submit(a_study, 3).result()

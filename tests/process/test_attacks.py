@@ -11,7 +11,13 @@ CORPUS = sorted((Path(__file__).parents[2] / "scenarios" / "attacks").glob("*.to
 PAGE = Path(__file__).parents[2] / "docs" / "found-attacks.md"
 
 
-@pytest.mark.parametrize("file", CORPUS, ids=[file.stem for file in CORPUS])
+@pytest.mark.parametrize(
+    "file",
+    [
+        pytest.param(file, id=file.stem, marks=[pytest.mark.nightly] if k else [])
+        for k, file in enumerate(CORPUS)
+    ],
+)
 def test_an_attack_repeats_itself_on_both_engines(file: Path) -> None:
     assert differences(file, ["in-process", "processes"]) == []
 
@@ -39,6 +45,7 @@ def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
         stated(other)
 
 
+@pytest.mark.nightly
 def test_an_attack_that_ships_shrinks_no_further() -> None:
     file = next(file for file in CORPUS if file.stem == "turned-away")
     found = smallest(read_table(file), read_table("guaranteed"))

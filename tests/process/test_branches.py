@@ -55,7 +55,7 @@ def timeless(summary: Summary) -> Summary:
     return summary
 
 
-OFTEN = ("links", "faults drawn before the run", "an earlier reseed")
+OFTEN = ("links",)
 
 
 @pytest.mark.parametrize(
@@ -102,14 +102,20 @@ def violated(tmp_path_factory) -> Run:
 
 def test_the_command_shows_when_the_violation_was_inevitable(violated, tmp_path):
     picture = tmp_path / "inevitable.png"
-    arguments = ["branch", str(violated.folder), "--at", "2.9", "--every", "2.6", "--branches", "3"]
+    arguments = ["branch", str(violated.folder), "--at", "2.9", "--every", "2.6", "--branches", "2"]
     shown = CliRunner().invoke(extended(), [*arguments, "--picture", str(picture)])
     assert shown.exit_code == 0, shown.output
     assert "2.600 s" in shown.output
-    assert "3 of 3" in shown.output
+    assert "2 of 2" in shown.output
     assert "all branches violate that leave at" in shown.output
     assert "before 1-4 leaves the safe set" in shown.output
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.nightly
+def test_a_report_shows_when_the_violation_was_inevitable(violated):
+    arguments = ["branch", str(violated.folder), "--at", "2.9", "--branches", "1"]
+    assert CliRunner().invoke(extended(), arguments).exit_code == 0
     page = violated.report().read_text(encoding="utf-8")
     assert "Share of branches that violate, over the time at which they left the run" in page
 

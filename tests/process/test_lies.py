@@ -55,7 +55,9 @@ def test_a_lie_has_its_effect_is_counted_and_named_on_every_broadcast_that_it_ma
     assert truthful(found).failed == len(false) == fault.count * (name in FALSE)
 
 
-@pytest.mark.parametrize("name", LIES)
+@pytest.mark.parametrize(
+    "name", ["input", *(pytest.param(n, marks=pytest.mark.nightly) for n in LIES[1:])]
+)
 def test_a_run_with_a_lie_is_repeated_bit_by_bit(name, tmp_path):
     assert phalanx.verify(run(name, tmp_path), engine="in-process")
 

@@ -90,6 +90,7 @@ def test_keys_of_a_scenario_that_is_trusted_are_made(folder: Path, tmp_path: Pat
     (folder / "it-ran").unlink()
 
 
+@pytest.mark.nightly
 def test_with_trust_it_is_imported(folder: Path) -> None:
     ended = opened("report --trust", folder)
     assert ended.returncode == 0, ended.stderr

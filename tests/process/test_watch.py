@@ -33,7 +33,15 @@ def trust(scenario: str, **changes: object) -> TrustSummary:
     return run.summary.trust
 
 
-@pytest.mark.parametrize("name", HONEST)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=pytest.mark.nightly if name in ("latency", "order and copies") else ()
+        )
+        for name in HONEST
+    ],
+)
 def test_no_honest_agent_is_convicted(name):
     found = trust("unicycles", **HONEST[name])
     assert (found.betrayals, found.convictions) == ({}, [])
@@ -88,7 +96,9 @@ BAD_NETWORKS = [
 
 
 @pytest.mark.parametrize("name", EQUIVOCATIONS)
-@pytest.mark.parametrize("network", ["no losses", *BAD_NETWORKS])
+@pytest.mark.parametrize(
+    "network", [pytest.param("no losses", marks=pytest.mark.nightly), *BAD_NETWORKS]
+)
 def test_who_signs_two_broadcasts_of_one_number_is_convicted_by_all(name, network):
     lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **EQUIVOCATIONS[name]}
     changes = {"safety.evidence": True, "faults": [lie], **HONEST.get(network, {})}
@@ -100,7 +110,7 @@ def test_who_signs_two_broadcasts_of_one_number_is_convicted_by_all(name, networ
         assert each.after == each.t - found.betrayals["2"] > 0.0
 
 
-@pytest.mark.parametrize("name", HONEST)
+@pytest.mark.parametrize("name", BAD_NETWORKS)
 def test_evidence_convicts_no_honest_agent_and_changes_no_input(name):
     found = trust("unicycles", **{"safety.evidence": True}, **HONEST[name])
     assert (found.betrayals, found.convictions) == ({}, [])

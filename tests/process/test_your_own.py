@@ -57,6 +57,7 @@ class Lane:
 """
 
 
+@pytest.mark.nightly
 def test_a_limit_of_ones_own_is_a_pair_of_each_normal_agent(folder):
     (folder / "pools.py").write_text(LANE)
     limits = [{"type": "pools:Lane", "half_width": 12.0}]
@@ -371,16 +372,10 @@ HANGS_IN_A_PROCESS = pytest.param("processes", marks=pytest.mark.nightly)
 
 
 def on_both_engines(failures: Iterable[str]) -> list[object]:
-    """Return each way to fail with each engine."""
-    return [
-        pytest.param(
-            how,
-            engine,
-            marks=pytest.mark.nightly if (how, engine) == ("hangs", "processes") else (),
-        )
-        for how in failures
-        for engine in ("in-process", "processes")
-    ]
+    """Return each way to fail with each engine; with processes only the first is not nightly."""
+    alone = [(how, "in-process") for how in failures]
+    first, *others = [(how, "processes") for how in failures]
+    return [*alone, first, *(pytest.param(*each, marks=pytest.mark.nightly) for each in others)]
 
 
 def broken_as(words: str, overrides: dict, engine: str) -> None:
@@ -444,7 +439,9 @@ NO_NUMBERS = {
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize("engine", ["in-process", "processes"])
+@pytest.mark.parametrize(
+    "engine", ["in-process", pytest.param("processes", marks=pytest.mark.nightly)]
+)
 @pytest.mark.parametrize("how", NO_NUMBERS)
 def test_an_expression_that_has_no_value_in_a_run_ends_it_by_name(calm, how, engine):
     overrides = {

@@ -14,6 +14,8 @@ from phalanx.scenario.load import scenario_text
 from tests.process.runs import wait_for
 from tests.unit.attacks.weak import weak
 
+pytestmark = pytest.mark.nightly
+
 OPTIONS = ("--budget", "12", "--fresh", "1", "--batch", "6")
 
 
@@ -54,9 +56,7 @@ def test_two_workers_find_the_same_as_one(whole):
     assert finds(folder) == finds(whole)
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_killed_search_goes_on_where_it_was(whole, number):
     folder = whole.parent / number.name
     program = subprocess.Popen(command(folder, 1), stderr=subprocess.PIPE, text=True)

@@ -151,7 +151,7 @@ def not_of_1(keys: Keys) -> list[str]:
     return [*of_2, keys.status, keys.verdict, keys.command, keys.scenario, "**", keys.everything]
 
 
-@pytest.mark.parametrize("identity", [VIEWER, OPERATOR])
+@pytest.mark.parametrize("identity", [OPERATOR, pytest.param(VIEWER, marks=pytest.mark.nightly)])
 def test_only_the_operators_certificate_can_command(programs: Programs, identity: str):
     """Even with the command secret."""
     who = programs.membership(identity)

@@ -20,10 +20,11 @@ WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding" }'
 
 
 FLOODS = [name for name in INSIDERS if is_at_full_speed(name)]
+OTHERS = [name for name in INSIDERS if name not in FLOODS]
 IN_OTHERS_NAMES = [name for name in FLOODS if IN_HIS_OWN_NAME not in name]
 IN_HIS_NAME = [name for name in FLOODS if IN_HIS_OWN_NAME in name]
 GROUPS = {
-    "no floods": ([name for name in INSIDERS if name not in FLOODS], HELD),
+    "no floods": pytest.param(OTHERS, HELD, marks=pytest.mark.nightly),
     "floods": pytest.param(IN_OTHERS_NAMES, HELD, marks=pytest.mark.nightly),
     # One that is let in may drown the command that lets a held run go.
     "floods in his own name": pytest.param(IN_HIS_NAME, PACED, marks=pytest.mark.nightly),

@@ -241,6 +241,7 @@ def command(*words: object) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True)
 
 
+@pytest.mark.nightly
 def test_the_command_prints_the_rates_and_writes_a_page(tmp_path):
     words = ("unicycles", "--set", "duration=0.2", "--seeds", "0:2", "--out", tmp_path)
     words += ("--vary", "network.loss=0,.5", "--confirm", "0")

@@ -165,11 +165,13 @@ STARTING = {
     "when half of the programs are there": lambda run: len(run.programs()) >= 3,
 }
 
+OFTEN = ("at once", "when half of the programs are there")
+
 
 @pytest.mark.parametrize(
     "instant",
     [
-        pytest.param(name, marks=[pytest.mark.nightly] if name.startswith("when it") else [])
+        pytest.param(name, marks=[pytest.mark.nightly] if name not in OFTEN else [])
         for name in STARTING
     ],
 )
@@ -209,7 +211,11 @@ def states(run) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("engine", "missing"), [("processes", (1500,)), ("in-process", (150, 1500, 4000))]
+    ("engine", "missing"),
+    [
+        ("processes", (1500,)),
+        pytest.param("in-process", (150, 1500, 4000), marks=pytest.mark.nightly),
+    ],
 )
 def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, engine, missing):
     """A verdict without a whole record of it is none."""
@@ -256,7 +262,7 @@ def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
     assert len(output.splitlines()) == 1
 
 
-@pytest.mark.parametrize("megabytes", [120, 170])
+@pytest.mark.parametrize("megabytes", [120, pytest.param(170, marks=pytest.mark.nightly)])
 def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
     size = megabytes * 1_000_000
     run = phalanx(
@@ -402,6 +408,7 @@ def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, 
     assert found.summary.outcome is Outcome.GUARANTEED
 
 
+@pytest.mark.nightly
 def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed(phalanx):
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (24, hard))
@@ -409,7 +416,7 @@ def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed(phalanx):
     assert status == 0, output
 
 
-@pytest.mark.parametrize("handles", [24, 44])
+@pytest.mark.parametrize("handles", [44, pytest.param(24, marks=pytest.mark.nightly)])
 def test_too_few_file_handles_are_said_before_anything_is_started(phalanx, handles):
     limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (handles, handles))
     run = phalanx("run", "unicycles", limit=limit)

@@ -118,6 +118,7 @@ def test_who_claims_may_ask_and_nothing_else(phalanx, tmp_path: Path) -> None:
     assert not summary.rejected
 
 
+@pytest.mark.nightly
 def test_another_scenario_gets_no_place_and_breaks_nothing(phalanx, tmp_path: Path) -> None:
     site = Site(phalanx, tmp_path, SHORT)
     status, said = site.start_claimant("duration=0.4").finish()
@@ -135,6 +136,7 @@ def test_a_plant_that_cannot_sign_says_so(phalanx, tmp_path: Path) -> None:
     assert "made without `phalanx keys --claims`" in said.splitlines()[-1]
 
 
+@pytest.mark.nightly
 def test_with_a_secret_alone_a_claim_is_a_choice_of_name(
     phalanx, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -72,11 +72,13 @@ def test_the_same_seed_gives_the_same_trajectory_whatever_the_load(phalanx):
     assert len(quiet) == 1
 
 
+@pytest.mark.nightly
 def test_another_seed_gives_another_trajectory(phalanx):
     short = (*IN_PROCESS, "--set", "duration=0.2")
     assert trajectory(phalanx(*short)) != trajectory(phalanx(*short, "--seed", "1"))
 
 
+@pytest.mark.nightly
 def test_loss_and_delay_are_what_the_scenario_says(phalanx):
     lossy = ("--set", "network.loss=0.3", "--set", "network.delay=0.01")
     fates = all_fates(phalanx(*IN_PROCESS, "--set", "duration=4.0", *lossy))

@@ -41,6 +41,7 @@ def test_a_run_that_was_stopped_before_a_reseed_is_verified(phalanx, tmp_path):
     assert (status, "bit-identical: " in output) == (0, True), output
 
 
+@pytest.mark.nightly
 def test_another_seed_departs_at_the_first_state(phalanx, recorded):
     seed = ("--seed", "1", "--engine", "in-process")
     status, output = phalanx("verify", str(recorded.path), *seed).finish()
@@ -61,6 +62,7 @@ def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
     assert "(1 steps of float64 apart)" in output
 
 
+@pytest.mark.nightly
 def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
     run = phalanx("run", "unicycles")
     run.wait_until_running()

@@ -33,6 +33,7 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     run.wait_until_gone()
 
 
+@pytest.mark.nightly
 def test_a_page_that_dies_is_started_again_a_few_times_and_the_terminal_says_so(phalanx):
     port = free_port()
     run = phalanx("run", "unicycles", *LONG, "--view", "--port", str(port))

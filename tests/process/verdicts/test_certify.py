@@ -179,6 +179,7 @@ def test_the_papers_own_simulation_is_certified(unicycles):
     assert found.horizon >= 0.012
 
 
+@pytest.mark.nightly
 def test_no_margin_is_not_certified_and_the_gap_comes_before_the_violation(tmp_path):
     given = load("unicycles", overrides={"safety.eta": 0.0, "duration": 10.5}, seed=2)
     done = run(given, engine="in-process", out=tmp_path)
@@ -345,8 +346,13 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("starts", [4, pytest.param(20, marks=pytest.mark.nightly)])
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    ("model", "starts"),
+    [
+        *(("unicycle", 4), ("triple-integrator", 4)),
+        *(pytest.param(model, 20, marks=pytest.mark.nightly) for model in MODELS),
+    ],
+)
 def test_no_motion_leaves_the_safe_set_while_its_certificate_lasts(model, starts):
     """Against inputs and disturbances held at their extremes, and others that are redrawn."""
     table, bound, n = MODELS[model]

@@ -87,8 +87,11 @@ def test_honest_steps_replay_to_the_bit_and_convict_nobody(information, prove, l
         ("crossing", {"safety.information": "earned", "network.loss": 0.0, "network.delay": 0.0}),
         ("crossing", {"safety.information": "earned", "safety.prove": True, "duration": 1.0}),
         ("swarm2d", {"safety.prove": True}),
-        ("formation3d", {"duration": 3.0, "safety.neighbourhood": 60.0}),
-        ("guaranteed", {}),
+        pytest.param(
+            *("formation3d", {"duration": 3.0, "safety.neighbourhood": 60.0}),
+            marks=pytest.mark.nightly,
+        ),
+        pytest.param("guaranteed", {}, marks=pytest.mark.nightly),
     ],
 )
 @pytest.mark.slow

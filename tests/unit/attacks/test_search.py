@@ -78,6 +78,7 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
     assert complete.done - 8 <= rest.done < complete.done
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_larger_budget_goes_on_and_other_options_are_refused(scenario, tmp_path):
     searched(scenario, tmp_path / "out", budget=8, fresh=0, baseline=False)

@@ -33,8 +33,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.mark.parametrize(
     "command",
     [
-        ["report"],
-        ["compare", "{whole}"],
+        pytest.param(["report"], marks=pytest.mark.nightly),
+        pytest.param(["compare", "{whole}"], marks=pytest.mark.nightly),
         ["certify"],
         ["export", "--html", "{file}"],
         ["export", "--mcap", "{file}"],

@@ -50,6 +50,7 @@ def test_two_runs_have_the_intervals_of_both(runs, capsys):
     assert counted[0] + counted[1] == counted[2]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_lower_level_needs_fewer_intervals(runs, capsys):
     assert "too few intervals" in printed(capsys, runs[0], "--level", "0.99999")

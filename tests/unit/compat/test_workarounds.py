@@ -99,6 +99,7 @@ print(max(counts) > 1)
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", [False, True])
 def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(kept: bool):

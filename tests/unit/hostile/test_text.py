@@ -82,8 +82,8 @@ def shown(capsys: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize(
     "command",
     [
-        ["report", "RUN"],
-        ["compare", "RUN", "RUN", "--html", "OUT.html"],
+        pytest.param(["report", "RUN"], marks=pytest.mark.nightly),
+        pytest.param(["compare", "RUN", "RUN", "--html", "OUT.html"], marks=pytest.mark.nightly),
         ["verify", "RUN", "--engine", "in-process"],
         ["certify", "RUN"],
         ["export", "RUN", "--html", "OUT.html", "--mcap", "OUT.mcap", "--csv", "OUT"],

@@ -110,6 +110,7 @@ def test_deadlock_does_not_depend_on_how_often_states_are_recorded(step):
     assert deadlock(t, line(t, stop=8.0), (15.0, 0.0)) == pytest.approx(12.25, abs=0.5)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_damaged_time_takes_no_more_memory_than_a_day():
     t = np.array([0.0, 1.0, 1e300])

@@ -124,6 +124,7 @@ def test_the_declared_dynamics_explain_the_fit_but_for_the_difference_of_drags(u
     np.testing.assert_allclose(np.delete(phi, [3, 4, 5], axis=1), 0.0, atol=1e-5)
 
 
+@pytest.mark.nightly
 @needs_models
 def test_a_declared_lag_that_is_wrong_needs_a_larger_disturbance():
     world, u = Crazyflies("cf2x_P250", FITTED), np.array([[1.0, 0.2, 0.0]])

@@ -144,7 +144,9 @@ def test_an_event_waits_no_longer_than_the_limit_for_others(monkeypatch: pytest.
     assert desk.seen == [FIRST]
 
 
-@pytest.mark.parametrize("scenario", ["unicycles", "swarm"])
+@pytest.mark.parametrize(
+    "scenario", ["unicycles", pytest.param("swarm", marks=pytest.mark.nightly)]
+)
 def test_the_result_of_a_run_does_not_depend_on_the_batches(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

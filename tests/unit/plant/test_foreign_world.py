@@ -23,7 +23,13 @@ def robots(name="unicycles"):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["unicycles", "formation3d", "quadrotors"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "unicycles",
+        *(pytest.param(n, marks=pytest.mark.nightly) for n in ("formation3d", "quadrotors")),
+    ],
+)
 def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
 
@@ -130,6 +136,7 @@ def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
         phalanx.verify(honest)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_world_draws_from_another_seed_from_a_reseed_on(ran):
     nothing = [*(f"agents.{k}.clock.jitter=0" for k in (0, 1)), "network.loss=0", "network.delay=0"]

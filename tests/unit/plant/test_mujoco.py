@@ -149,7 +149,12 @@ def test_without_mujoco_the_error_says_what_to_install(monkeypatch):
 @needs_mujoco
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "failure", ["mass = 2.0", 'wheel = "left"', "mass = 1.0"], ids=["mass", "wheel", "nothing"]
+    "failure",
+    [
+        pytest.param("mass = 2.0", id="mass"),
+        pytest.param('wheel = "left"', id="wheel", marks=pytest.mark.nightly),
+        pytest.param("mass = 1.0", id="nothing", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_run_in_which_a_robot_fails_is_not_guaranteed_and_says_why(failure, tmp_path):
     table = f'world={{ type = "mujoco", failures = [{{ at = 0.5, agent = "1", {failure} }}] }}'

@@ -104,7 +104,7 @@ def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["run.gif", "run.webp"])
+@pytest.mark.parametrize("name", ["run.gif", pytest.param("run.webp", marks=pytest.mark.nightly)])
 def test_it_takes_as_long_as_the_run_though_formats_round_each_frame(
     name: str, run: phalanx.Run, tmp_path: Path
 ):

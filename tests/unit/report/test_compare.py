@@ -100,6 +100,7 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_runs_with_modules_of_one_name_are_compared_each_in_a_process_of_its_own(
     versions: list[Path], capsys: pytest.CaptureFixture[str]

@@ -70,6 +70,7 @@ def test_a_recording_cut_short_is_reported_with_its_damage(tmp_path: Path) -> No
     assert peak.h_tot == max(cut.h_tot)
 
 
+@pytest.mark.nightly
 def test_the_largest_numbers_that_agents_may_report_are_drawn(tmp_path: Path) -> None:
     scenario = unicycles()
     records = [
@@ -111,6 +112,7 @@ def test_the_command_of_the_heading_makes_the_same_scenario(reported: Path) -> N
     assert digest(again) == digest(scenario.model_copy(update={"description": again.description}))
 
 
+@pytest.mark.nightly
 def test_a_report_says_what_would_take_too_long_to_draw(tmp_path: Path) -> None:
     """A swarm of 32 agents whose rows are each one expression of all pairs."""
     scenario = load(

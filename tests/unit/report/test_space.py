@@ -8,6 +8,7 @@ from phalanx.report.write import write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_one_normal_agent_alone_with_an_obstacle_in_space(tmp_path: Path) -> None:
     obstacles = [{"center": [5.0, 2.0, 1.0], "clearance": 1.0}]

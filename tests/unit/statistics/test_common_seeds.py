@@ -9,6 +9,7 @@ from phalanx.statistics.sequences import beta_mixture, betting
 from tests.unit.statistics.studies import draws, misses, most_misses
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_rate_over_a_grid_with_common_seeds_covers():
     luck, seeds = draws(40, 1, seed=8), np.tile(np.arange(40), 6)

@@ -68,7 +68,10 @@ def test_the_event_is_as_rare_as_it_should_be():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"paths": 20}, {"paths": 40, "stopped": 10}])
+@pytest.mark.parametrize(
+    "options",
+    [{"paths": 20}, pytest.param({"paths": 40, "stopped": 10}, marks=pytest.mark.nightly)],
+)
 def test_estimates_are_unbiased_also_with_few_paths(options):
     found = np.array([each.probability for each in estimates(150, **options)])
     assert found.mean() == pytest.approx(truth(LEVEL), abs=3.5 * found.std() / math.sqrt(150))
@@ -86,6 +89,7 @@ def counted(paths: int) -> int:
     return hits
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_it_finds_what_counting_finds_by_twenty_times_fewer_runs():
     found, plain = combined(estimates(40)), 200_000

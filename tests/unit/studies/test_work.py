@@ -10,7 +10,11 @@ from phalanx.studies.work import Job, compute
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "scenario", ["unicycles", "guaranteed", pytest.param("formation3d", marks=pytest.mark.nightly)]
+    "scenario",
+    [
+        "unicycles",
+        *(pytest.param(s, marks=pytest.mark.nightly) for s in ("guaranteed", "formation3d")),
+    ],
 )
 def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
     overrides = {"duration": 0.1, "network.loss": 0.3}
@@ -24,6 +28,7 @@ def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
     assert rows[0].trajectory != rows[1].trajectory
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
     identities = tuple(Identity("", seed, "", "") for seed in (0, 1))
@@ -33,7 +38,13 @@ def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
         assert row.trajectory == run.summary.trajectory
 
 
-@pytest.mark.parametrize("scenario", ["unicycles", "guaranteed", "faults/lie-input"])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "unicycles",
+        *(pytest.param(s, marks=pytest.mark.nightly) for s in ("guaranteed", "faults/lie-input")),
+    ],
+)
 def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
     """Compiled functions are shared between them."""
     table = read_table(scenario)

@@ -305,7 +305,15 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["none", "cbf-qp", "clf-cbf", "escape"])
-@pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "swarm2d", "faults/loss"])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "unicycles",
+        "swarm2d",
+        pytest.param("formation3d", marks=pytest.mark.nightly),
+        pytest.param("faults/loss", marks=pytest.mark.nightly),
+    ],
+)
 def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"
 
@@ -327,10 +335,9 @@ def test_a_baseline_whose_library_is_not_here_names_the_extra(name, library, mon
         run(name, "unicycles")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "scenario", ["unicycles", pytest.param("formation3d", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("scenario", ["unicycles", "formation3d"])
 def test_the_lyapunov_function_takes_agents_to_their_goals(scenario):
     found = run("clf-cbf", scenario, duration=3.0)
     far = run("escape", scenario, duration=3.0)
@@ -346,6 +353,7 @@ def test_the_page_has_the_example_that_was_compared():
     assert source.partition('"""\n\n')[2] in page
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_without_a_filter_two_agents_that_head_for_each_other_collide():
     with_filter = phalanx.run("one-on-one", engine="in-process")

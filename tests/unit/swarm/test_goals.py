@@ -96,7 +96,7 @@ def test_every_shipped_dynamics_is_here():
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=pytest.mark.nightly if n.endswith("quadrotor") else ())
+        pytest.param(n, marks=() if n in ("unicycle", "double-integrator") else pytest.mark.nightly)
         for n in TRACKED
     ],
 )

@@ -116,7 +116,10 @@ DRAGGED = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRAGGED)
+@pytest.mark.parametrize(
+    "name",
+    ["sticking", *(pytest.param(n, marks=pytest.mark.nightly) for n in DRAGGED if n != "sticking")],
+)
 @given(seed=st.integers(0, 2**32 - 1), T=st.sampled_from([0.2, 1.0]))
 @settings(max_examples=25, deadline=None)
 def test_no_drag_is_too_strong_for_a_box_that_is_proven(name, seed, T):

@@ -103,7 +103,7 @@ def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
-@pytest.mark.parametrize("xi", [XI, None])
+@pytest.mark.parametrize("xi", [None, pytest.param(XI, marks=pytest.mark.nightly)])
 def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name, xi):
     """Compare at 10 200 states in all, with corrected margins, and with D_1 in place of ξ."""
     composed, rng = sample_swarm(name), np.random.default_rng(9)
