@@ -24,7 +24,7 @@ quick: $(READY)
 	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: about 9 minutes on two cores."
+	@echo "Testing: about 5 minutes on two cores."
 	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers tests/unit
 
 nightly: $(READY)

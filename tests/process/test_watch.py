@@ -165,6 +165,7 @@ def test_signed_broadcasts_change_no_trajectory_in_real_processes():
     assert signed.trust.convictions == []
 
 
+@pytest.mark.nightly
 def test_earned_trust_changes_inputs_and_ends_with_a_conviction():
     quiet = {"network.loss": 0.0, "network.delay": 0.0, "duration": 6.0}
     ends = {}

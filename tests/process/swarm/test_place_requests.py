@@ -78,6 +78,7 @@ def test_claimants_that_nobody_numbered_make_the_run(phalanx, tmp_path: Path) ->
     assert not summary.rejected
 
 
+@pytest.mark.nightly
 def test_a_spare_takes_the_place_of_an_agent_that_died(phalanx, tmp_path: Path) -> None:
     site = Site(phalanx, tmp_path, SHORT, DIES)
     claimants = [site.start_claimant() for _ in range(3)]

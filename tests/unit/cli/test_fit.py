@@ -31,6 +31,7 @@ def printed(capsys, *arguments):
     return capsys.readouterr().out
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_line_for_the_scenario_bounds_what_was_drawn(runs, capsys):
     text = printed(capsys, *runs)

@@ -160,6 +160,7 @@ def test_a_difference_in_a_world_of_one_build_says_that_another_build_may_differ
     assert "on one build and CPU alone" in phalanx.verify(run, engine="in-process").difference
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_check_says_that_the_robots_move_by_another_law():
     scenario = phalanx.load("unicycles", [f'world={{ type = "{HERE}:Unicycles" }}'])

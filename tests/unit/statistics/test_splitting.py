@@ -100,6 +100,7 @@ def test_it_finds_what_counting_finds_by_twenty_times_fewer_runs():
     assert found.plain_runs > 20 * found.runs
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_its_interval_covers_and_the_least_error_is_no_larger():
     level = 4.0

@@ -119,6 +119,7 @@ def test_another_seed_reaches_the_agents_own_rows():
     assert rows.seen_by(0).swarm.seed == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["unicycles", pytest.param("guaranteed", marks=pytest.mark.nightly)]
