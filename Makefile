@@ -29,7 +29,7 @@ test: $(READY)
 
 nightly: $(READY)
 	@echo "Testing what \`make test\` leaves out: about 11 minutes on two cores."
-	$(PYTEST) -n 4 -m nightly tests
+	$(PYTEST) -n 6 -m nightly tests
 
 check: $(READY)
 	$(VENV)/bin/ruff check .
