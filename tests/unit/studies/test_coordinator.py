@@ -124,7 +124,6 @@ def test_nothing_is_repeated_if_the_share_is_none(tmp_path):
     assert [fn for fn, _ in executor.jobs] == [compute]
 
 
-@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_point_whose_rate_is_known_needs_no_more_seeds(tmp_path):
     executor = Here()

@@ -118,7 +118,7 @@ DRAGGED = {
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    ["sticking", *(pytest.param(n, marks=pytest.mark.nightly) for n in DRAGGED if n != "sticking")],
+    ["driven", *(pytest.param(n, marks=pytest.mark.nightly) for n in DRAGGED if n != "driven")],
 )
 @given(seed=st.integers(0, 2**32 - 1), T=st.sampled_from([0.2, 1.0]))
 @settings(max_examples=25, deadline=None)
