@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV ?= .venv
 READY := $(VENV)/.ready
 PYTEST := $(VENV)/bin/python -m pytest -q --durations 10
-# Tests of processes come first: they wait most, and others run meanwhile.
+# Modules in this order: two workers begin at its end, see tests/conftest.py.
 LAYERS := -n 4 --dist loadscope --no-loadscope-reorder
 # Some environments set it. Every process would compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
