@@ -103,12 +103,13 @@ def _require_alone(scenario: Scenario) -> None:
 
 def _may_lose_agents(scenario: Scenario, options: RunOptions) -> bool:
     """Return whether an agent's process may be killed without ending the run."""
-    commands = options.commands
-    commanded = commands.secret or commands.schedule or options.real_time is not None
-    return bool(commanded) or any(map(_is_of_process, scenario.faults))
+    commanded = bool(options.commands.secret or options.commands.schedule)
+    in_real_time = options.real_time is not None
+    return commanded or in_real_time or any(map(_is_of_process, scenario.faults))
 
 
 def _is_of_process(fault: Fault) -> bool:
+    """Return whether a fault kills, starts or stops an agent's process."""
     begins = fault.begins_with if isinstance(fault, AgentFault) else None
     return bool(begins and EFFECTS[begins].process)
 

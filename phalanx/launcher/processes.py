@@ -236,10 +236,10 @@ class Processes:
                 os.kill(self._pids[PLANT], number)
         return PLANT in self._pids
 
-    def _failed(self, may_be_killed: bool) -> bool:
-        """Return whether an agent has ended with an error."""
+    def _failed(self, may_lose_agents: bool) -> bool:
+        """Return whether an agent ended with an error, or was killed where none may be."""
         ended = {code for name, code in self._exits.items() if name != PLANT} - _VERDICTS
-        return any(code > 0 or not may_be_killed for code in ended)
+        return any(code > 0 or not may_lose_agents for code in ended)
 
     def _failure(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
         log = self._logs / log_name
