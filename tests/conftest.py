@@ -44,10 +44,10 @@ def pytest_collection_finish() -> None:
 
 
 class _FromBothEnds(LoadScopeScheduling):
-    """Gives out modules in their order, to the first two workers from the end.
+    """A scheduler that assigns modules in their order, to the first two workers from the end.
 
-    Tests of processes come first and wait most, unit tests last and compute most. Six workers that
-    share the latter compile the functions of most scenarios six times.
+    Tests of processes come first and wait most, unit tests last and compute most. Each worker that
+    runs some of the latter compiles the functions of most scenarios again.
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:

@@ -6,18 +6,13 @@ import pytest
 
 from phalanx.attacks.attacking import differences, smallest, stated
 from phalanx.scenario.load import ScenarioError, read_table
+from tests.layers import layered
 
 CORPUS = sorted((Path(__file__).parents[2] / "scenarios" / "attacks").glob("*.toml"))
 PAGE = Path(__file__).parents[2] / "docs" / "found-attacks.md"
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        pytest.param(file, id=file.stem, marks=[pytest.mark.nightly] if k else [])
-        for k, file in enumerate(CORPUS)
-    ],
-)
+@pytest.mark.parametrize("file", layered(CORPUS, CORPUS[:1]), ids=[file.stem for file in CORPUS])
 def test_an_attack_repeats_itself_on_both_engines(file: Path) -> None:
     assert differences(file, ["in-process", "processes"]) == []
 

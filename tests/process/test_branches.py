@@ -16,6 +16,7 @@ from phalanx.launcher.engine import EngineError
 from phalanx.launcher.forks import in_forks
 from phalanx.launcher.run import Run
 from phalanx.launcher.trunk import trunk_of
+from tests.layers import layered
 
 RANDOM = {
     "duration": 0.4,
@@ -55,12 +56,7 @@ def timeless(summary: Summary) -> Summary:
     return summary
 
 
-OFTEN = ("links",)
-
-
-@pytest.mark.parametrize(
-    "case", [pytest.param(c, marks=[] if c in OFTEN else pytest.mark.nightly) for c in CASES]
-)
+@pytest.mark.parametrize("case", layered(CASES, ("links",)))
 def test_a_branch_has_the_bits_of_a_run_of_the_scenario_with_that_reseed(case):
     trunk = trunk_of(phalanx.load("unicycles", {**RANDOM, **CASES[case]}), KILLED)
     found = []
@@ -102,11 +98,11 @@ def violated(tmp_path_factory) -> Run:
 
 def test_the_command_shows_when_the_violation_was_inevitable(violated, tmp_path):
     picture = tmp_path / "inevitable.png"
-    arguments = ["branch", str(violated.folder), "--at", "2.9", "--every", "2.6", "--branches", "2"]
+    arguments = ["branch", str(violated.folder), "--at", "2.9", "--every", "2.6", "--branches", "3"]
     shown = CliRunner().invoke(extended(), [*arguments, "--picture", str(picture)])
     assert shown.exit_code == 0, shown.output
     assert "2.600 s" in shown.output
-    assert "2 of 2" in shown.output
+    assert "3 of 3" in shown.output
     assert "all branches violate that leave at" in shown.output
     assert "before 1-4 leaves the safe set" in shown.output
     assert picture.read_bytes().startswith(b"\x89PNG")

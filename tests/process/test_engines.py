@@ -4,7 +4,6 @@ import importlib.util
 import shutil
 import subprocess
 import sys
-from collections.abc import Container, Iterable
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ import pytest
 import phalanx
 from phalanx.guarantee.verdict import Summary
 from phalanx.theory.expressions.native import COMPILER, FOLDER
+from tests.layers import layered
 
 pytestmark = pytest.mark.swarm
 
@@ -174,12 +174,6 @@ def one_trajectory(scenario: phalanx.Scenario) -> Summary:
     assert (first.faults, first.rejected) == (second.faults, second.rejected)
     assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))
     return first
-
-
-def layered(names: Iterable[str], in_test: Container[str]) -> list[object]:
-    """Leave all but a few to the nightly layer."""
-    nightly = pytest.mark.nightly
-    return [pytest.param(n, marks=() if n in in_test else nightly, id=n) for n in names]
 
 
 HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"]

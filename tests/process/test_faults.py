@@ -3,6 +3,7 @@
 import pytest
 
 import phalanx
+from tests.layers import layered
 
 DURATION = 0.6
 
@@ -57,10 +58,7 @@ SHIPPED = ("loss", "bursts", "delay", "corrupt", "reorder", "rate", "slot", "par
 
 
 # A duplicate comes when the original is there, and counts once: it is reported, without effect.
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.nightly] if n in SHIPPED else []) for n in FAULTS],
-)
+@pytest.mark.parametrize("name", layered(FAULTS, FAULTS.keys() - set(SHIPPED)))
 def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     found = run(FAULTS[name], tmp_path)
     assert found.summary.faults

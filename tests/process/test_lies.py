@@ -5,6 +5,7 @@ import pytest
 import phalanx
 from phalanx.certify.checker.certify import certify
 from phalanx.guarantee.verdict import Assumption
+from tests.layers import layered
 
 LIES = ("input", "equivocation", "replay", "apply-time", "silence")
 FALSE = LIES[:-1]
@@ -55,9 +56,7 @@ def test_a_lie_has_its_effect_is_counted_and_named_on_every_broadcast_that_it_ma
     assert truthful(found).failed == len(false) == fault.count * (name in FALSE)
 
 
-@pytest.mark.parametrize(
-    "name", ["input", *(pytest.param(n, marks=pytest.mark.nightly) for n in LIES[1:])]
-)
+@pytest.mark.parametrize("name", layered(LIES, ("input",)))
 def test_a_run_with_a_lie_is_repeated_bit_by_bit(name, tmp_path):
     assert phalanx.verify(run(name, tmp_path), engine="in-process")
 

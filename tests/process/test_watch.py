@@ -4,6 +4,7 @@ import pytest
 
 import phalanx
 from phalanx.guarantee.verdict import TrustSummary
+from tests.layers import layered
 
 WATCH = {"safety.watch": True, "duration": 1.5}
 HONEST = {
@@ -33,24 +34,14 @@ def trust(scenario: str, **changes: object) -> TrustSummary:
     return run.summary.trust
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(
-            name, marks=pytest.mark.nightly if name in ("latency", "order and copies") else ()
-        )
-        for name in HONEST
-    ],
-)
+@pytest.mark.parametrize("name", layered(HONEST, HONEST.keys() - {"latency", "order and copies"}))
 def test_no_honest_agent_is_convicted(name):
     found = trust("unicycles", **HONEST[name])
     assert (found.betrayals, found.convictions) == ({}, [])
 
 
 @pytest.mark.parametrize("name", LIES)
-@pytest.mark.parametrize(
-    "network", ["no losses", pytest.param("losses and delays", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("network", layered(("no losses", "losses and delays"), ("no losses",)))
 def test_a_liar_is_convicted_by_all_that_hear_it(name, network):
     lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **LIES[name]}
     found = trust("unicycles", faults=[lie], **HONEST.get(network, {}))
@@ -110,7 +101,7 @@ def test_who_signs_two_broadcasts_of_one_number_is_convicted_by_all(name, networ
         assert each.after == each.t - found.betrayals["2"] > 0.0
 
 
-@pytest.mark.parametrize("name", BAD_NETWORKS)
+@pytest.mark.parametrize("name", layered(HONEST, ("losses and delays",)))
 def test_evidence_convicts_no_honest_agent_and_changes_no_input(name):
     found = trust("unicycles", **{"safety.evidence": True}, **HONEST[name])
     assert (found.betrayals, found.convictions) == ({}, [])

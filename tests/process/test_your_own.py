@@ -11,6 +11,7 @@ from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from tests.layers import layered
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own.md"
 
@@ -439,9 +440,7 @@ NO_NUMBERS = {
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize(
-    "engine", ["in-process", pytest.param("processes", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("engine", layered(("in-process", "processes"), ("in-process",)))
 @pytest.mark.parametrize("how", NO_NUMBERS)
 def test_an_expression_that_has_no_value_in_a_run_ends_it_by_name(calm, how, engine):
     overrides = {

@@ -26,6 +26,7 @@ from phalanx.wire.membership import Membership
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub
+from tests.layers import layered
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
@@ -151,7 +152,7 @@ def not_of_1(keys: Keys) -> list[str]:
     return [*of_2, keys.status, keys.verdict, keys.command, keys.scenario, "**", keys.everything]
 
 
-@pytest.mark.parametrize("identity", [OPERATOR, pytest.param(VIEWER, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("identity", layered((VIEWER, OPERATOR), (OPERATOR,)))
 def test_only_the_operators_certificate_can_command(programs: Programs, identity: str):
     """Even with the command secret."""
     who = programs.membership(identity)

@@ -16,6 +16,7 @@ from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.live import find_live
 from phalanx.recording.read import read
 from phalanx.wire.session import free_endpoint
+from tests.layers import layered
 from tests.process.runs import wait_for
 from tests.process.swarm.processes import LONG, PATIENCE
 
@@ -165,15 +166,9 @@ STARTING = {
     "when half of the programs are there": lambda run: len(run.programs()) >= 3,
 }
 
-OFTEN = ("at once", "when half of the programs are there")
-
 
 @pytest.mark.parametrize(
-    "instant",
-    [
-        pytest.param(name, marks=[pytest.mark.nightly] if name not in OFTEN else [])
-        for name in STARTING
-    ],
+    "instant", layered(STARTING, ("at once", "when half of the programs are there"))
 )
 def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
     run = phalanx("run", "unicycles", *LONG)
@@ -184,7 +179,8 @@ def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
 
 @pytest.mark.parametrize("program", ["phx-plant", "phx-agent-3"])
 def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
-    run = phalanx("run", "unicycles", *LONG)
+    # So long that the run can end in time only because the launcher says what died.
+    run = phalanx("run", "unicycles", *LONG, "--set", "time.timeout=600")
     wait_for(lambda: program in run.programs())
     run.programs()[program].kill()
     status, output = run.finish()
@@ -262,7 +258,7 @@ def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
     assert len(output.splitlines()) == 1
 
 
-@pytest.mark.parametrize("megabytes", [120, pytest.param(170, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("megabytes", layered((120, 170), (120,)))
 def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
     size = megabytes * 1_000_000
     run = phalanx(
@@ -416,7 +412,7 @@ def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed(phalanx):
     assert status == 0, output
 
 
-@pytest.mark.parametrize("handles", [44, pytest.param(24, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("handles", layered((24, 44), (44,)))
 def test_too_few_file_handles_are_said_before_anything_is_started(phalanx, handles):
     limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (handles, handles))
     run = phalanx("run", "unicycles", limit=limit)

@@ -10,6 +10,7 @@ from phalanx.attacks.attack import Options, attack
 from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.studies.store import StudyError
+from tests.layers import layered
 from tests.unit.attacks.weak import weak
 
 
@@ -47,7 +48,7 @@ def archive(found):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "optimiser",
-    ["cma-es", *[pytest.param(o, marks=pytest.mark.nightly) for o in OPTIMISERS if o != "cma-es"]],
+    layered(OPTIMISERS, ("cma-es",)),
 )
 def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     optimiser, scenario, tmp_path

@@ -17,6 +17,7 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.recording.read import read
 from phalanx.recording.records import Step
 from phalanx.recording.write import RecordingError
+from tests.layers import layered
 
 pytestmark = pytest.mark.slow
 
@@ -144,9 +145,7 @@ def test_an_event_waits_no_longer_than_the_limit_for_others(monkeypatch: pytest.
     assert desk.seen == [FIRST]
 
 
-@pytest.mark.parametrize(
-    "scenario", ["unicycles", pytest.param("swarm", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("scenario", layered(("unicycles", "swarm"), ("unicycles",)))
 def test_the_result_of_a_run_does_not_depend_on_the_batches(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

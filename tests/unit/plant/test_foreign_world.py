@@ -10,6 +10,7 @@ from phalanx.extend import WorldAgent
 from phalanx.testing import WorldMistakeError, check_world
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import WorldError
+from tests.layers import layered
 from tests.unit.plant import worlds
 from tests.unit.swarms import rows_of_scenario
 
@@ -24,11 +25,7 @@ def robots(name="unicycles"):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name",
-    [
-        "unicycles",
-        *(pytest.param(n, marks=pytest.mark.nightly) for n in ("formation3d", "quadrotors")),
-    ],
+    "name", layered(("unicycles", "formation3d", "quadrotors"), ("unicycles",))
 )
 def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from phalanx.statistics.rates import clopper_pearson
 from phalanx.statistics.sequences import beta_mixture, betting, runs_until_width
+from tests.layers import layered
 from tests.unit.statistics.studies import draws, misses, most_misses
 from tests.unit.statistics.test_rates import counted
 
@@ -92,16 +93,11 @@ def seeds_of_rows(kind: str, studies: np.ndarray) -> tuple[np.ndarray, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "kind",
-    [
-        "twelve rows",
-        pytest.param("one row", marks=pytest.mark.nightly),
-        pytest.param("twelve rows that agree", marks=pytest.mark.nightly),
-    ],
+    "kind", layered(("one row", "twelve rows that agree", "twelve rows"), ("twelve rows",))
 )
 def test_betting_covers_the_mean_of_seeds_with_several_rows_however_one_looks(kind):
     values, mean = seeds_of_rows(kind, draws(60, 13))
-    seen = [[betting(study[:n]) for n in (20, 60)] for study in values]
+    seen = [[betting(study[:n]) for n in (20, 40, 60)] for study in values]
     assert sum(any(misses(each, mean) for each in looked) for looked in seen) <= most_misses()
     intervals = [looked[-1] for looked in seen]
     assert np.mean([each.width for each in intervals]) < 0.45

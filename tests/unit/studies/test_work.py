@@ -6,15 +6,12 @@ import phalanx
 from phalanx.scenario.load import read_table
 from phalanx.studies.identity import Identity
 from phalanx.studies.work import Job, compute
+from tests.layers import layered
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "scenario",
-    [
-        "unicycles",
-        *(pytest.param(s, marks=pytest.mark.nightly) for s in ("guaranteed", "formation3d")),
-    ],
+    "scenario", layered(("unicycles", "guaranteed", "formation3d"), ("unicycles",))
 )
 def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
     overrides = {"duration": 0.1, "network.loss": 0.3}
@@ -39,11 +36,7 @@ def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
 
 
 @pytest.mark.parametrize(
-    "scenario",
-    [
-        "unicycles",
-        *(pytest.param(s, marks=pytest.mark.nightly) for s in ("guaranteed", "faults/lie-input")),
-    ],
+    "scenario", layered(("unicycles", "guaranteed", "faults/lie-input"), ("unicycles",))
 )
 def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
     """Compiled functions are shared between them."""

@@ -12,6 +12,7 @@ from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.page import key_figures
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.theory.rows.origin import Origin
+from tests.layers import layered
 
 ROOT = Path(__file__).parents[3]
 
@@ -307,12 +308,7 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
 @pytest.mark.parametrize("name", ["none", "cbf-qp", "clf-cbf", "escape"])
 @pytest.mark.parametrize(
     "scenario",
-    [
-        "unicycles",
-        "swarm2d",
-        pytest.param("formation3d", marks=pytest.mark.nightly),
-        pytest.param("faults/loss", marks=pytest.mark.nightly),
-    ],
+    layered(("unicycles", "formation3d", "swarm2d", "faults/loss"), ("unicycles", "swarm2d")),
 )
 def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"

@@ -14,6 +14,7 @@ from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.laws.goals import Goal, hold
 from phalanx.theory.models.dynamics import Dynamics
+from tests.layers import layered
 
 TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
     "unicycle": ({"speed": 2.0, "turn_rate": 2.0}, [], 1),
@@ -93,13 +94,7 @@ def test_every_shipped_dynamics_is_here():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=() if n in ("unicycle", "double-integrator") else pytest.mark.nightly)
-        for n in TRACKED
-    ],
-)
+@pytest.mark.parametrize("name", layered(TRACKED, ("unicycle", "double-integrator")))
 def test_an_agent_arrives_in_every_shipped_dynamics(name):
     point = [2.0, 1.0, -1.0][: axes_of(name)]
     rest = [0.0] * len(dynamics_of(name).states)

@@ -121,9 +121,7 @@ def test_another_seed_reaches_the_agents_own_rows():
 
 @pytest.mark.nightly
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["unicycles", pytest.param("guaranteed", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("name", ["unicycles", "guaranteed"])
 def test_check_says_whether_a_swarm_can_start_and_what_it_costs(name):
     report = check(load(name, {"safety.information": "unknown"}))
     assert all(report.rows_at_start.values())

@@ -23,6 +23,7 @@ from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.composition import Member
+from tests.layers import layered
 from tests.unit.theory.users_own import Rail
 
 PHI = 0.5
@@ -116,10 +117,7 @@ DRAGGED = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    ["driven", *(pytest.param(n, marks=pytest.mark.nightly) for n in DRAGGED if n != "driven")],
-)
+@pytest.mark.parametrize("name", layered(DRAGGED, ("driven",)))
 @given(seed=st.integers(0, 2**32 - 1), T=st.sampled_from([0.2, 1.0]))
 @settings(max_examples=25, deadline=None)
 def test_no_drag_is_too_strong_for_a_box_that_is_proven(name, seed, T):

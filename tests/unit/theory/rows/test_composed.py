@@ -17,6 +17,7 @@ from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import FAR, Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.pairs import SwarmPairs
+from tests.layers import layered
 from tests.unit.theory.sample_swarms import AROUND, DEGREES, RHO, sample_swarm
 from tests.unit.theory.whole_expression import TermsFunction
 
@@ -103,7 +104,7 @@ def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
-@pytest.mark.parametrize("xi", [None, pytest.param(XI, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("xi", layered((XI, None), (None,)))
 def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name, xi):
     """Compare at 10 200 states in all, with corrected margins, and with D_1 in place of ξ."""
     composed, rng = sample_swarm(name), np.random.default_rng(9)
