@@ -4,6 +4,7 @@ An optimiser is a function that goes on until the search raises. A generation is
 number of workers gives the same path; on another CPU it may differ, as it depends on LAPACK.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -82,7 +83,10 @@ def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
         while stale < _STALE and not search.should_stop():
             asked = [search.ask() for _ in range(search.population_size)]
             costs = trials.costs([_of_solution(each) for each in asked])
-            search.tell(list(zip(asked, costs, strict=True)))
+            # cmaes 0.13 warns of the median of nothing until half of a generation's costs differ:
+            # its penalties are then NaN, and the order of the costs stays as it is.
+            with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+                search.tell(list(zip(asked, costs, strict=True)))
             stale = 0 if min(costs) < best else stale + 1
             best = min(best, *costs)
         again += 1

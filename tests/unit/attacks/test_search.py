@@ -66,6 +66,22 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     assert "Search" in found.page.read_text()
 
 
+@pytest.mark.filterwarnings("error")
+def test_cma_es_orders_equal_costs_without_a_warning():
+    class Flat:
+        numbers, choices, generations = 2, (), 0
+
+        def costs(self, points):
+            self.generations += 1
+            if self.generations > 2:
+                raise KeyboardInterrupt
+            return [1.0] * len(points)
+
+    with pytest.raises(KeyboardInterrupt):
+        OPTIMISERS["cma-es"](Flat(), trials := Flat(), 0, 10)
+    assert trials.generations == 3
+
+
 @pytest.mark.slow
 def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
     complete, options = Direct(), {"budget": 3, "batch": 5, "fresh": 1}
