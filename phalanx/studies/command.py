@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from phalanx.studies.study import Study
 
 _OPEN = "open"
+_JOBS_PER_THREAD = 2
+"""Most jobs at a worker: when one dies, all that it had are suspected (distributed#5234)."""
 
 Vary = Annotated[
     list[str] | None,
@@ -121,7 +123,7 @@ def study(
     kept = out or Path("studies") / plan.name
     if why:
         return _say_why(plan, kept)
-    with _refusals(), _executor(dask) as (executor, most), shown(plan) as show:
+    with _refusals(), connected(dask) as (executor, most), shown(plan) as show:
         found = run_study(
             plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=show,
             chunk=8 if executor else 1, in_flight=most or None,
@@ -217,15 +219,26 @@ def _refusals() -> Iterator[None]:
 
 
 @contextmanager
-def _executor(dask: str | None) -> Iterator[tuple[Any, int]]:
-    """Yield the executor of a cluster, and the most jobs for it; None is the built-in pool."""
-    if dask is None:
+def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
+    """Yield a dask.distributed cluster's executor, and the most jobs to hand out at a time.
+
+    scheduler: its address, or the path of its scheduler file; without one the built-in pool's,
+    None, is yielded. Workers need this version of Phalanx, one thread each, and
+    `distributed.worker.daemon: false` to repeat runs as processes.
+
+    Raises ImportError without the extra `dask`, OSError if the scheduler does not answer.
+    """
+    if scheduler is None:
         yield None, 0
         return
-    from phalanx.studies.cluster import connected
-
-    with connected(dask) as cluster:
-        yield cluster
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ImportError("--dask needs distributed: pip install 'phalanx-swarm[dask]'") from error
+    where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
+    with Client(**where, set_as_default=False, timeout=10) as client:
+        threads = sum(client.nthreads().values())
+        yield client.get_executor(pure=False), _JOBS_PER_THREAD * max(1, threads)
 
 
 def _print(found: "Study") -> None:

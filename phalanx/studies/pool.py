@@ -1,7 +1,7 @@
 """A pool of worker processes: an Executor in which a worker's death costs one task, not all.
 
-concurrent.futures fails every pending task when one of its workers dies. Here only the task that
-it had fails, and the worker is replaced.
+concurrent.futures fails every pending task when one of its processes dies. Here a thread waits for
+each worker: only the task that it had fails, and the worker is replaced.
 """
 
 import contextlib
@@ -11,10 +11,9 @@ import os
 import pickle
 import signal
 import threading
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
-from multiprocessing.connection import Connection, wait
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from phalanx.compat.forkserver import without_main
@@ -28,18 +27,12 @@ class WorkerDiedError(RuntimeError):
     """A task's worker ended before the task; the message says how."""
 
 
-class _Task(NamedTuple):
-    future: "Future[Any]"
-    work: bytes
-    """The pickled function and its arguments."""
-
-
 class _Worker(NamedTuple):
     process: Any
     connection: Connection
 
 
-class Pool(Executor):
+class Pool(ThreadPoolExecutor):
     """Processes forked from one that has loaded the libraries; each has one task at a time."""
 
     def __init__(self, workers: int | None = None) -> None:
@@ -48,90 +41,56 @@ class Pool(Executor):
         workers: their number; by default that of the processors.
         """
         self.workers = workers or len(os.sched_getaffinity(0))
+        super().__init__(self.workers, "study-pool")
         self._context: Any = start_loading()
-        self._tasks: deque[_Task] = deque()
-        self._busy: dict[Connection, tuple[_Worker, _Task]] = {}
         self._idle: list[_Worker] = []
-        self._lock, self._over = threading.Lock(), False
-        self._woken, self._wake = multiprocessing.Pipe(duplex=False)
-        self._thread = threading.Thread(target=self._serve, name="study-pool", daemon=True)
-        self._thread.start()
+        self._busy: set[_Worker] = set()
+        self._lock, self._cancelled = threading.Lock(), False
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
         """Have a worker call a function; its exception, or WorkerDiedError, is the future's."""
-        future: Future[T] = Future()
-        task = _Task(future, pickle.dumps((fn, args, kwargs)))
-        with self._lock:
-            if self._over:
-                raise RuntimeError("the pool was shut down")
-            self._tasks.append(task)
-        self._wake.send_bytes(b"")
-        return future
+        return super().submit(self._in_worker, pickle.dumps((fn, args, kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Let the tasks end, unless they are to be cancelled: then end the workers at once."""
-        with self._lock:
-            self._over = True
-            if cancel_futures:
-                for task in self._tasks:
-                    task.future.cancel()
-                self._tasks.clear()
-                for worker, _ in self._busy.values():
-                    worker.process.kill()
-        with contextlib.suppress(OSError):
-            self._wake.send_bytes(b"")
-        if wait:
-            self._thread.join()
-
-    def _serve(self) -> None:
-        """Hand out tasks and take results until the pool is shut down and nothing is left."""
-        while True:
+        if cancel_futures:
             with self._lock:
-                self._hand_out()
-                if self._over and not (self._tasks or self._busy):
-                    break
-                waiting = [self._woken, *self._busy]
-            for ready in wait(waiting):
-                assert isinstance(ready, Connection)
-                if ready is self._woken:
-                    self._woken.recv_bytes()
-                else:
-                    self._take_result(ready)
+                self._cancelled = True
+                for worker in self._busy:
+                    worker.process.kill()
+        super().shutdown(wait, cancel_futures=cancel_futures)
         for worker in self._idle:
             worker.connection.close()  # it ends by itself
         for worker in self._idle:
             worker.process.join()
 
-    def _hand_out(self) -> None:
-        while self._tasks and len(self._busy) < self.workers:
-            task = self._tasks.popleft()
-            if not task.future.set_running_or_notify_cancel():
-                continue
-            worker = self._idle.pop() if self._idle else self._start()
-            with contextlib.suppress(OSError):  # it has died: seen when its result is taken
-                worker.connection.send_bytes(task.work)
-            self._busy[worker.connection] = worker, task
-
-    def _take_result(self, connection: Connection) -> None:
+    def _in_worker(self, work: bytes) -> Any:
+        """Return the result of a pickled task, for which a thread of this process waits."""
+        worker = self._take_worker()
         try:
-            result, error = pickle.loads(connection.recv_bytes())
+            worker.connection.send_bytes(work)
+            result, error = pickle.loads(worker.connection.recv_bytes())
         except (EOFError, OSError):
-            self._died(connection)
-            return
-        with self._lock:
-            worker, task = self._busy.pop(connection)
-            self._idle.append(worker)
-        if error is None:
-            task.future.set_result(result)
+            worker.process.join()
+            worker.connection.close()
+            raise WorkerDiedError(_ending(worker.process.exitcode)) from None
         else:
-            task.future.set_exception(error)
+            self._idle.append(worker)
+        finally:
+            with self._lock:
+                self._busy.remove(worker)
+        if error is not None:
+            raise error
+        return result
 
-    def _died(self, connection: Connection) -> None:
-        with self._lock:
-            worker, task = self._busy.pop(connection)
-        connection.close()
-        worker.process.join()
-        task.future.set_exception(WorkerDiedError(_ending(worker.process.exitcode)))
+    def _take_worker(self) -> _Worker:
+        """Return an idle worker, or a new one."""
+        with self._lock:  # also since without_main changes what all threads see
+            if self._cancelled:
+                raise WorkerDiedError("the pool was shut down")
+            worker = self._idle.pop() if self._idle else self._start()
+            self._busy.add(worker)
+        return worker
 
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

@@ -1,14 +1,15 @@
 """The folder of a study: its plan and its rows, which survive a crash at any instant.
 
-A finished row is appended to a journal at once. Every thousand rows become a part, a Parquet file
-that gets its name when it is whole; at the end all parts become one file. A row that is in two
-files, since a crash came between writing one and removing the other, counts once.
+A finished row is appended to a journal at once. At the end all rows become one Parquet file, which
+gets its name when it is whole. A row that is in both, since a crash came between writing one and
+emptying the other, counts once.
 """
 
 import contextlib
 import fcntl
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -21,9 +22,7 @@ from phalanx.studies.plan import Plan, read_plan
 from phalanx.studies.row import SCHEMA, Row, flat, json_text
 
 PLAN, ROWS = "study.toml", "rows.parquet"
-_JOURNAL, _PARTS, _LOCK, _VERSIONS = "rows.journal", "part-*.parquet", "lock", "versions.json"
-_PART = 1000
-"""Rows in a part."""
+_JOURNAL, _LOCK, _VERSIONS = "rows.journal", "lock", "versions.json"
 _SYNC = 20
 """Rows that a power failure may lose; a crash of the program loses none."""
 
@@ -47,11 +46,10 @@ class Store:
     def __init__(self, folder: Path) -> None:
         """Name the folder, which need not exist."""
         self.folder = folder
-        self._journal: Any = None
-        self._waiting: list[dict[str, Any]] = []
-        """Rows that are in the journal only."""
+        self._lock_file: int | None = None
+        self._unsynced = 0
         self._before: pl.DataFrame | None = None
-        """All rows, when one was first copied."""
+        """All rows, when one was last copied that it has not."""
 
     def open(self, plan: Plan) -> Self:
         """Begin to write, with this plan; rows of another stay. Raises as open_with does."""
@@ -66,11 +64,11 @@ class Store:
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self._lock()
-        self._waiting = self._recovered()
+        self._journalled()  # which is refused before anything is replaced
         _replace(self.folder / name, declaration.encode())
         known = {**self._versions(), versions(): versions_of_libraries()}
         _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(known)))
-        self._rewrite_journal()
+        _replace(self.folder / _JOURNAL, self._lines())
         return self
 
     def __enter__(self) -> Self:
@@ -80,15 +78,17 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Make one file of all rows. Raises OSError; then the journal and the parts remain."""
-        if self._journal is None:
+        """Make one file of all rows. Raises OSError; then the journal remains."""
+        if self._lock_file is None:
             return
         try:
-            self._merge()
+            rows = io.BytesIO()
+            self.frame().write_parquet(rows)
+            _replace(self.folder / ROWS, rows.getvalue())
+            os.truncate(self.folder / _JOURNAL, 0)
         finally:
-            self._journal.close()
-            self._journal = None
             os.close(self._lock_file)
+            self._lock_file = None
 
     def add(self, row: Row) -> None:
         """Append a row. Raises OSError, for example on a full disk; earlier rows are kept."""
@@ -96,26 +96,27 @@ class Store:
 
     def copy(self, key: str, overrides: dict[str, Any]) -> str:
         """Append the row with this key under other overrides; return its outcome."""
-        if self._before is None:
+        if self._before is None or key not in self._before["key"]:
             self._before = self.frame()
         (columns,) = self._before.filter(pl.col("key") == key).tail(1).to_dicts()
         self._append({**columns, "overrides": json_text(overrides)})
         return str(columns["outcome"])
 
     def _append(self, columns: dict[str, Any]) -> None:
-        size = self._journal.tell()
+        file = self.folder / _JOURNAL
+        size = file.stat().st_size
         try:
-            self._journal.write(msgspec.json.encode(columns) + b"\n")
-            self._journal.flush()
+            # Opened for each row: what could not be written stays in no buffer.
+            with file.open("ab") as journal:
+                journal.write(msgspec.json.encode(columns) + b"\n")
+                journal.flush()
+                self._unsynced = (self._unsynced + 1) % _SYNC
+                if not self._unsynced:
+                    os.fsync(journal.fileno())
         except OSError:
             with contextlib.suppress(OSError):
-                os.truncate(self.folder / _JOURNAL, size)
+                os.truncate(file, size)
             raise
-        self._waiting.append(columns)
-        if len(self._waiting) % _SYNC == 0:
-            os.fsync(self._journal.fileno())
-        if len(self._waiting) >= _PART:
-            self._make_part()
 
     def known(self) -> Iterator[Known]:
         """Yield the identity of every row that is there."""
@@ -149,14 +150,10 @@ class Store:
 
     def frame(self) -> pl.DataFrame:
         """Return all rows, the newest last. Raises StudyError if a file is of another version."""
-        tables = [self._read(file) for file in self._files()]
-        tables.append(pl.DataFrame(self._waiting or self._recovered(), schema=SCHEMA))
-        return pl.concat(tables).unique(["key", "overrides"], keep="last", maintain_order=True)
-
-    def _files(self) -> list[Path]:
         whole = self.folder / ROWS
-        parts = sorted(self.folder.glob(_PARTS))
-        return [whole, *parts] if whole.exists() else parts
+        tables = [self._read(whole)] if whole.exists() else []
+        every = pl.concat([*tables, self._journalled()])
+        return every.unique(["key", "overrides"], keep="last", maintain_order=True)
 
     def _read(self, file: Path) -> pl.DataFrame:
         try:
@@ -164,73 +161,46 @@ class Store:
         except (pl.exceptions.PolarsError, OSError) as error:
             raise StudyError(f"{file}: not the rows of a study ({error})") from error
         if dict(found.schema) != SCHEMA:
-            other = sorted(set(found.columns) ^ set(SCHEMA))
-            raise StudyError(
-                f"{file}: the rows of another version of Phalanx ({', '.join(other) or 'types'} "
-                "differ): take another folder, or delete this one"
-            )
+            raise _of_another_version(file, found.columns)
         return found
 
-    def _recovered(self) -> list[dict[str, Any]]:
-        """Return the rows of the journal; a torn last line, of a program that died, is dropped."""
+    def _lines(self) -> bytes:
+        """Return the journal; a torn last line, of a program that died, is dropped."""
         try:
-            lines = (self.folder / _JOURNAL).read_bytes().split(b"\n")
+            text = (self.folder / _JOURNAL).read_bytes()
         except FileNotFoundError:
-            return []
-        found = []
-        for line in lines[:-1]:
-            try:
-                row = msgspec.json.decode(line)
-            except msgspec.DecodeError as error:
-                raise StudyError(f"{self.folder / _JOURNAL}: damaged: {error}") from error
-            if not isinstance(row, dict) or row.keys() != SCHEMA.keys():
-                raise StudyError(
-                    f"{self.folder / _JOURNAL}: rows of another version of Phalanx: take another "
-                    "folder, or delete this one"
-                )
-            found.append(row)
-        return found
+            return b""
+        return text[: text.rfind(b"\n") + 1]
 
-    def _rewrite_journal(self) -> None:
-        lines = [msgspec.json.encode(row) + b"\n" for row in self._waiting]
-        _replace(self.folder / _JOURNAL, b"".join(lines))
-        if self._journal is not None:
-            self._journal.close()
-        self._journal = (self.folder / _JOURNAL).open("ab")
-
-    def _make_part(self) -> None:
-        taken = [int(file.stem.removeprefix("part-")) for file in self.folder.glob(_PARTS)]
-        name = f"part-{max(taken, default=0) + 1:05d}.parquet"
-        self._write(pl.DataFrame(self._waiting, schema=SCHEMA), self.folder / name)
-        self._waiting = []
-        self._rewrite_journal()
-
-    def _merge(self) -> None:
-        parts = self._files()
-        self._write(self.frame(), self.folder / ROWS)
-        for part in parts:
-            if part.name != ROWS:
-                part.unlink()
-        self._waiting = []
-        self._rewrite_journal()
-
-    def _write(self, table: pl.DataFrame, file: Path) -> None:
-        made = file.with_suffix(".making")
+    def _journalled(self) -> pl.DataFrame:
+        """Return the rows of the journal."""
+        file, lines = self.folder / _JOURNAL, self._lines()
+        if not lines:
+            return pl.DataFrame(schema=SCHEMA)
         try:
-            table.write_parquet(made)
-        except (pl.exceptions.PolarsError, OSError) as error:
-            made.unlink(missing_ok=True)
-            raise OSError(f"{file}: cannot be written: {error}") from error
-        _synced(made)
-        made.rename(file)
+            first = msgspec.json.decode(lines.partition(b"\n")[0], type=dict[str, Any])
+            if first.keys() != SCHEMA.keys():
+                raise _of_another_version(file, first)
+            return pl.read_ndjson(lines, schema=SCHEMA)
+        except (pl.exceptions.PolarsError, msgspec.DecodeError) as error:
+            raise StudyError(f"{file}: damaged: {error}") from error
 
     def _lock(self) -> None:
-        self._lock_file = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        lock = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
-            fcntl.flock(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            os.close(self._lock_file)
+            os.close(lock)
             raise StudyError(f"{self.folder}: another program is running this study") from error
+        self._lock_file = lock
+
+
+def _of_another_version(file: Path, columns: Iterable[str]) -> StudyError:
+    other = sorted({*columns} ^ SCHEMA.keys())
+    return StudyError(
+        f"{file}: the rows of another version of Phalanx ({', '.join(other) or 'types'} differ): "
+        "take another folder, or delete this one"
+    )
 
 
 def plan_of(folder: Path) -> Plan:
@@ -260,14 +230,11 @@ def _replace(file: Path, content: bytes) -> None:
     """Replace a file's content at once. Raises OSError; then the old one remains."""
     made = file.with_name(f"{file.name}.making")
     try:
-        made.write_bytes(content)
-        _synced(made)
+        with made.open("wb") as opened:
+            opened.write(content)
+            opened.flush()
+            os.fsync(opened.fileno())
     except OSError:
         made.unlink(missing_ok=True)
         raise
     made.rename(file)
-
-
-def _synced(file: Path) -> None:
-    with file.open("rb") as opened:
-        os.fsync(opened.fileno())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.studies.cluster import connected
+from phalanx.studies.command import connected
 from tests.process.runs import free_port, wait_for
 from tests.process.studies.test_studies import results
 

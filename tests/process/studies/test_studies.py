@@ -213,7 +213,7 @@ def test_the_pool_calls_functions_as_any_executor_does():
         assert sorted(pool.map(abs, [-3, 2, -1])) == [1, 2, 3]
         with pytest.raises(ZeroDivisionError):
             pool.submit(divmod, 1, 0).result()
-    with pytest.raises(RuntimeError, match="shut down"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(abs, 1)
 
 

@@ -36,7 +36,6 @@ def test_at_the_end_there_is_one_file(tmp_path):
     with Store(tmp_path).open(PLAN) as store:
         for seed in range(2500):
             store.add(row(seed))
-        assert len(list(tmp_path.glob("part-*.parquet"))) == 2
     assert list(tmp_path.glob("*.parquet")) == [tmp_path / ROWS]
     assert seeds_in(tmp_path) == list(range(2500))
 
@@ -55,7 +54,7 @@ def test_a_line_that_was_torn_is_dropped_and_written_over(tmp_path):
     assert seeds_in(folder) == [0, 2]
 
 
-def test_a_crash_between_the_part_and_the_journal_doubles_no_row(tmp_path):
+def test_a_crash_between_the_file_and_the_journal_doubles_no_row(tmp_path):
     with Store(tmp_path).open(PLAN) as store:
         for seed in range(5):
             store.add(row(seed))
@@ -78,6 +77,14 @@ def test_a_row_is_copied_to_other_overrides_of_the_same_meaning(tmp_path):
     assert Store(tmp_path).frame()["worst_h"].to_list() == [-3.0, -3.0]
 
 
+def test_a_row_that_was_added_after_a_copy_is_copied_too(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        for seed in range(2):
+            store.add(row(seed))
+            store.copy(row(seed).identity.key, {})
+    assert sorted(seeds_in(tmp_path)) == [0, 0, 1, 1]
+
+
 def test_two_programs_do_not_write_into_one_folder(tmp_path):
     with (
         Store(tmp_path).open(PLAN),
@@ -94,6 +101,16 @@ def test_rows_of_another_version_are_refused_and_left_as_they_are(tmp_path):
     with pytest.raises(StudyError, match="another version of Phalanx"):
         Store(tmp_path).frame()
     assert (tmp_path / ROWS).read_bytes() == before
+
+
+def test_a_journal_of_another_version_is_refused_and_one_that_is_damaged(tmp_path):
+    journal = tmp_path / "rows.journal"
+    journal.write_bytes(b'{"key": "a", "height": 1.0}\n')
+    with pytest.raises(StudyError, match="another version of Phalanx"):
+        Store(tmp_path).open(PLAN)
+    journal.write_bytes(b'{"key": \n')
+    with pytest.raises(StudyError, match="damaged"):
+        Store(tmp_path).frame()
 
 
 def test_a_file_that_holds_no_rows_is_refused(tmp_path):
