@@ -36,9 +36,6 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     recording cannot be read, 4 if it is not decided: an operation in h or in the dynamics has no
     interval rule, inputs depend on the state, states are missing, or a motion is too wild to bound.
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from phalanx.certify.checker.certify import certify as certify_run
     from phalanx.certify.checker.intervals import UncertifiableError, UndecidedError
     from phalanx.cli.display import spinner
@@ -53,14 +50,13 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
         echo_error(f"{recording.path}: the recording holds no state")
         return 3
     names = [name for name, _, _ in recording.scenario.roster()]
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("certifying", total=1.0)
+    with spinner("certifying") as show:
         try:
             found = certify_run(
                 recording.scenario,
                 recording.states,
                 recording.steps,
-                lambda share: bar.update(task, completed=share),
+                lambda share: show(f"{share:.0%}"),
                 turned := turns(names, recording.commands),
             )
         except UndecidedError as error:

@@ -107,8 +107,8 @@ Connect = Annotated[
         "--connect",
         envvar="PHALANX_CONNECT",
         callback=require_endpoint,
-        help="Zenoh endpoint of the run's hub; of `agent` and `viewer` by default that in the "
-        "file `endpoint` in --keys, or tcp/127.0.0.1:7447.",
+        help="Zenoh endpoint of the run's hub; but of `tap` by default that in the file `endpoint` "
+        "in --keys, or tcp/127.0.0.1:7447.",
         show_default=False,
     ),
 ]

@@ -1,6 +1,7 @@
 """A swarm as PettingZoo's ParallelEnv: attackers, defenders or both act."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,7 +12,6 @@ from pettingzoo import ParallelEnv
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.trunk import Trunk
-from phalanx.learning.acted import ActedSwarm
 from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
@@ -19,6 +19,8 @@ from phalanx.swarm.runnable import require_runnable, with_scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
+from phalanx.theory.laws.law import Law, View
+from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import polytope
 
 ATTACKERS, DEFENDERS, BOTH = "attackers", "defenders", "both"
@@ -41,17 +43,7 @@ class SwarmEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         acting: str | Iterable[str] = ATTACKERS,
         every: float | None = None,
     ) -> None:
-        """Build the swarm.
-
-        Args:
-            scenario: as phalanx.load returns it, or a file or name that it takes.
-            acting: "attackers", "defenders", "both", or names of agents.
-            every: virtual time of a step [s]; by default the shortest period of an acting agent.
-
-        Raises:
-            ScenarioError: the scenario cannot be run.
-            ValueError: no agent acts, or none has that name; or a step is not above 0.
-        """
+        """Build the swarm. Takes and raises what phalanx.parallel_env does."""
         self.render_mode = None
         self.summary: Summary | None = None
         """The results of the last episode that ended."""
@@ -195,3 +187,33 @@ def _box(swarm: Swarm, i: int) -> Box:
     A, b = CompiledFunction([x], [*dynamics.input_polytope(x)])(swarm.start()[own])
     corners = polytope(A.reshape(len(b), -1), b).corners
     return Box(corners.min(axis=0), corners.max(axis=0), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class ActedSwarm(Swarm):
+    """A swarm whose acting agents have no law of the scenario's.
+
+    An adversary's action is projected onto U_i. A normal agent's is its nominal input: its filter
+    or controller makes it safe, or none does if the scenario says `controller = "none"`.
+    """
+
+    actions: Mapping[int, Array] = field(default_factory=dict)
+    """The action that each acting agent holds, by index, shape (m_i,); it may change."""
+
+    def law(self, i: int) -> Law:
+        """Return the law of agent i, which holds its action if it acts."""
+        return Held(self.actions, i) if i in self.actions else super().law(i)
+
+
+@dataclass(frozen=True)
+class Held:
+    """The action of one agent, whatever it sees."""
+
+    actions: Mapping[int, Array]
+    i: int
+
+    def prepare(self, dynamics: Dynamics) -> None:
+        """Do nothing: an action fits every dynamics."""
+
+    def input(self, view: View) -> Array:
+        return self.actions[self.i]

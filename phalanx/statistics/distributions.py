@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import bdtr
 
 from phalanx.arrays import Array
 from phalanx.statistics.rates import LEVEL
@@ -41,17 +40,6 @@ def dkw_band(values: ArrayLike, level: float = LEVEL) -> Band:
     return Band(x, share, np.maximum(share - half, 0.0), np.minimum(share + half, 1.0))
 
 
-def tolerance_bound(values: ArrayLike, share: float, level: float = LEVEL) -> float:
-    """Return a bound that at least this share of the distribution does not exceed.
-
-    It is the least order statistic that does so with this confidence (Wilks, Annals of
-    Mathematical Statistics 12, 1941); infinite if there are fewer values than `tolerance_runs`.
-    """
-    x = np.sort(np.asarray(values, dtype=float))
-    confident = np.flatnonzero(bdtr(np.arange(len(x)), len(x), share) >= level)
-    return float(x[confident[0]]) if len(confident) else math.inf
-
-
 def conformal_bound(values: ArrayLike, share: float) -> float:
     """Return a bound that the next value keeps with at least this probability.
 
@@ -62,13 +50,3 @@ def conformal_bound(values: ArrayLike, share: float) -> float:
     x = np.sort(np.asarray(values, dtype=float))
     place = math.ceil((len(x) + 1) * share - _EXACT)
     return float(x[place - 1]) if 0 < place <= len(x) else math.inf
-
-
-def tolerance_runs(share: float, level: float = LEVEL) -> int:
-    """Return the least number of values whose largest is a tolerance bound: 1 - share^n >= level.
-
-    Raises ValueError unless both lie between 0 and 1.
-    """
-    if not (0.0 < share < 1.0 and 0.0 < level < 1.0):
-        raise ValueError("share, level: expected numbers between 0 and 1")
-    return math.ceil(math.log1p(-level) / math.log(share))

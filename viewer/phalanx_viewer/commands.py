@@ -2,7 +2,7 @@
 
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -41,16 +41,34 @@ Origins = Annotated[
 ]
 
 
-def require_either(recording: Path | None, connect: str, run: str) -> None:
-    """Raise BadParameter unless a run is named either by its folder or by its hub."""
-    if (recording is None) != bool(connect and run):
-        raise typer.BadParameter("expected either RUN, or --connect and --run")
+def live_membership(
+    recording: Path | None, run: str, connect: str, secret: str, keys: Path | None,
+    insecure: bool, timeout: float, identity: str,
+) -> "Membership | None":  # fmt: skip
+    """Return the membership of a live run, by its folder or its name; None if it is over.
+
+    identity: of the program, if its run has keys. Raises BadParameter unless either is given.
+    """
+    from phalanx.wire.keys import VIEWER
+    from phalanx.wire.membership import Membership
+
+    if (recording is None) != bool(run):
+        raise typer.BadParameter("expected either RUN or --run")
+    if recording is not None:
+        found = checks.live_run(recording, insecure)
+        return found.membership if found else None
+    endpoint = checks.endpoint_for(connect, keys)
+    folder = checks.identity_for(keys, endpoint, insecure)
+    return Membership(
+        run, endpoint, secret.encode(), identity if folder else VIEWER, timeout, folder
+    )
 
 
 def register(app: typer.Typer) -> None:
     app.command()(view)
     app.command()(export)
-    app.command(rich_help_panel="Programs of a run")(viewer)
+    alone = "Run the viewer alone, as plant and agents are run in containers and on many hosts."
+    app.command("viewer", help=alone, rich_help_panel="Programs of a run")(view)
 
 
 def view(
@@ -74,39 +92,22 @@ def view(
       phalanx view runs/unicycles-1
       phalanx view --connect tcp/127.0.0.1:7447 --run r1
     """
-    require_either(recording, connect, run)
+    from phalanx.launcher.programs import configure_logging
     from phalanx.wire.keys import OPERATOR, VIEWER
-    from phalanx.wire.membership import Membership
 
-    page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
-    if recording is not None:
-        found = checks.live_run(recording, insecure)
-        return _show(found.membership if found else None, recording, command_secret, page)
-    identity_folder = checks.identity_for(keys, connect, insecure)
-    identity = OPERATOR if identity_folder and command_secret else VIEWER
-    membership = Membership(run, connect, secret.encode(), identity, timeout, identity_folder)
-    return _show(membership, None, command_secret, page)
+    identity = OPERATOR if command_secret else VIEWER
+    membership = live_membership(recording, run, connect, secret, keys, insecure, timeout, identity)
+    configure_logging()
+    from phalanx_viewer.main import run as show
 
-
-def viewer(
-    run: options.RunId,
-    connect: options.Connect = "",
-    secret: options.Secret = "",
-    keys: options.KeysFolder = None,
-    insecure: options.Insecure = False,
-    command_secret: options.CommandSecret = "",
-    host: Host = "127.0.0.1",
-    port: Port = None,
-    origins: Origins = None,
-    timeout: options.Timeout = 60.0,
-    trust: options.Trust = False,
-) -> int:
-    """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
-    endpoint = checks.endpoint_for(connect, keys)
-    return view(
-        None, endpoint, run, secret, keys, insecure, command_secret, host, port, origins, timeout,
-        trust,
-    )  # fmt: skip
+    try:
+        return show(
+            membership, recording, command_secret=command_secret.encode(), host=host, port=port,
+            origins=tuple(origins or ()), trust=trust,
+        )  # fmt: skip
+    except (RuntimeError, ValueError, OSError) as error:
+        echo_error(error)
+        return 3
 
 
 def export(
@@ -176,18 +177,3 @@ def export(
     except ValueError as error:  # a time outside the run
         raise typer.BadParameter(str(error)) from error
     return 0
-
-
-def _show(
-    membership: "Membership | None", recording: Path | None, secret: str, page: dict[str, Any]
-) -> int:
-    """Show a live run, a recording, or one and then the other; print a failure as one line."""
-    from phalanx.launcher.programs import configure_logging
-    from phalanx_viewer.main import run
-
-    configure_logging()
-    try:
-        return run(membership, recording, command_secret=secret.encode(), **page)
-    except (RuntimeError, ValueError, OSError) as error:
-        echo_error(error)
-        return 3

@@ -45,7 +45,7 @@ REFUSED = [
     ("keys file --scenario unicycles", "DIR"),
     ("tap nowhere", "nowhere: no live run"),
     ("tap nowhere --count=-1", "'--count'"),
-    ("view", "expected either RUN, or --connect and --run"),
+    ("view", "expected either RUN or --run"),
     ("view a --port 0", "'--port'"),
     ("network fit nowhere", "nowhere"),
     ("plant --scenario unicycles --run a/b", "'--run'"),

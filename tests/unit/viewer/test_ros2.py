@@ -183,7 +183,7 @@ def test_topics_have_names_that_ros_2_allows():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "expected either RUN, or --connect and --run"),
+        ([], "expected either RUN or --run"),
         (["runs/x", "--namespace", "phalanx"], "--namespace: expected such as /phalanx"),
         (["runs/x", "--namespace", "/1"], "--namespace: expected such as /phalanx"),
         (["runs/x", "--domain", "233"], "--domain"),

@@ -5,16 +5,10 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.option_checks import (
-    identity_for,
-    live_run,
-    require_endpoint,
-    require_here,
-    require_timeout,
-)
+from phalanx.cli.option_checks import require_endpoint, require_here, require_timeout
 from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret, Trust
 from phalanx.launcher.streams import echo_error
-from phalanx_viewer.commands import LiveRun, RunOrRecording, require_either
+from phalanx_viewer.commands import LiveRun, RunOrRecording, live_membership
 
 
 def register(app: typer.Typer) -> None:
@@ -64,14 +58,14 @@ def ros2(
       phalanx ros2 runs/unicycles-1
       phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447 --insecure
     """
-    require_either(recording, connect, run)
+    from phalanx.wire.keys import VIEWER
+
+    membership = live_membership(recording, run, connect, secret, keys, insecure, timeout, VIEWER)
     require_here(
         router, insecure, "--insecure, since ROS 2's router reads and passes on everything"
     )
     _require_libraries()
     from phalanx.launcher.programs import configure_logging
-    from phalanx.wire.keys import VIEWER
-    from phalanx.wire.membership import Membership
     from phalanx_viewer.feeds.live import Live
     from phalanx_viewer.feeds.replay import open_replay
     from phalanx_viewer.ros2.republisher import NAMESPACE, Graph, publish
@@ -80,17 +74,12 @@ def ros2(
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
     configure_logging()
     graph = Graph(router, domain, namespace, timeout)
-    found = None if recording is None else live_run(recording, insecure)
     try:
-        if recording is not None and found is None:
+        if membership is None:
+            assert recording is not None
             replay = open_replay(recording, trust)
             replay.play(True)
             return publish(replay, graph, lambda: not replay.playing)
-        if found is not None:
-            membership = found.membership
-        else:
-            identity_folder = identity_for(keys, connect, insecure)
-            membership = Membership(run, connect, secret.encode(), VIEWER, timeout, identity_folder)
         with Live(membership, trust=trust) as live:
             return publish(live, graph, lambda: live.over)
     except (RuntimeError, ValueError, OSError) as error:
