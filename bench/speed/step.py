@@ -5,9 +5,12 @@
 step      a real run: plant, hub and agents, each a process
 exchange  the same processes, hub, subscriptions and message sizes, but nothing computed
 compute   the same run by the in-process engine: nothing sealed or sent
+colder    what a control step takes longer in a process of its own: between two of its steps the
+          caches hold other programs
 
-The ratio step / (exchange + compute) is the overhead of the design. Each figure is the median of
-rounds, and the ratio is the median of the rounds' own ratios, with the least and the largest.
+The ratio step / (exchange + compute) is the overhead of the design, and the one with colder added
+what is left of it. Each figure is the median of rounds, and a ratio is the median of the rounds'
+own ratios, with the least and the largest.
 
 Below it are the wake-ups of a step in the real run, by program and thread: how often a thread of
 the plant or of an agent gave up its core to wait, and how often it was taken from it.
@@ -59,11 +62,17 @@ class Round(NamedTuple):
     step: float
     exchange: float
     compute: float
+    colder: float
 
     @property
-    def ratio(self) -> float:
+    def overhead(self) -> float:
         """Overhead of the design, as a factor."""
         return self.step / (self.exchange + self.compute)
+
+    @property
+    def rest(self) -> float:
+        """Overhead without that of caches."""
+        return self.step / (self.exchange + self.compute + self.colder)
 
 
 def main() -> None:
@@ -72,8 +81,8 @@ def main() -> None:
     arguments.add_argument("--only", choices=list(SIMULATIONS), help="one simulation")
     arguments.add_argument("--rounds", type=int, default=10)
     options = arguments.parse_args()
-    print("| | step [µs] | exchange [µs] | compute [µs] | step / (exchange + compute) |")
-    print("|---|---|---|---|---|")
+    print("| | step [µs] | exchange | compute | colder | step / (exchange + compute) | + colder |")
+    print("|---|---|---|---|---|---|---|")
     woken: dict[str, Wakeups] = {}
     for name, (title, duration) in SIMULATIONS.items():
         if options.only in (None, name):
@@ -82,9 +91,8 @@ def main() -> None:
             rounds = [measured(scenario, sizes) for _ in range(options.rounds)]
             woken[title] = wakeups(scenario)
             times = [f"{statistics.median(part) * 1e6:.0f}" for part in zip(*rounds, strict=True)]
-            ratios = sorted(each.ratio for each in rounds)
-            ratio = f"{statistics.median(ratios):.2f} ({ratios[0]:.2f} to {ratios[-1]:.2f})"
-            print("|", " | ".join([title, *times, ratio]), "|", flush=True)
+            ratios = [spread([each.overhead for each in rounds]), spread([r.rest for r in rounds])]
+            print("|", " | ".join([title, *times, *ratios]), "|", flush=True)
     print()
     print("| | program: thread | waits of a step | taken from its core |")
     print("|---|---|---|---|")
@@ -93,12 +101,22 @@ def main() -> None:
             print(f"| {title} | {thread} | {waits:.2f} | {taken:.2f} |")
 
 
+def spread(ratios: list[float]) -> str:
+    """Return the median of ratios, with the least and the largest."""
+    return f"{statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})"
+
+
 def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
     """Measure one round."""
-    step, steps = per_step(phalanx.run(scenario))
+    real, direct = phalanx.run(scenario), phalanx.run(scenario, engine="in-process")
+    (step, steps), (compute, _) = per_step(real), per_step(direct)
     exchange = measure_exchange(scenario, steps, sizes)
-    compute, _ = per_step(phalanx.run(scenario, engine="in-process"))
-    return Round(step, exchange, compute)
+    return Round(step, exchange, compute, control_step(real) - control_step(direct))
+
+
+def control_step(run: phalanx.Run) -> float:
+    """Return the median time from a sample to its input, without the wire [s]."""
+    return statistics.median(step.solve_time for step in run.recording.steps)
 
 
 def wakeups(scenario: phalanx.Scenario) -> Wakeups:
