@@ -11,10 +11,9 @@ import msgspec
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
-from phalanx.scenario.load import ScenarioError
 from phalanx.seeded.draws import Draws
 from phalanx.statistics.sequences import runs_until_width
-from phalanx.studies.identity import Identity, versions
+from phalanx.studies.identity import Identity
 from phalanx.studies.inventory import Inventory, identity_of
 from phalanx.studies.plan import Case, Plan, Point
 from phalanx.studies.row import BROKEN, REFUSED, Row, json_text
@@ -149,21 +148,21 @@ class Coordinator:
             yield from self._missing_of(state, list(cases))
 
     def _missing_of(self, state: _PointState, cases: list[Case]) -> Iterator[_Handed]:
-        try:
-            of_seed, sources = identity_of(self._plan, cases[0])
-        except ScenarioError as error:
-            self._refuse(state, cases, str(error))
-            return
+        """Yield jobs of one point; store rows of runs that cannot begin."""
+        of_seed, sources, refusal = identity_of(self._plan, cases[0])
         chunk: list[tuple[Case, Identity]] = []
         for case in cases:
-            if state.narrow(self._plan.until_width):
+            if not refusal and state.narrow(self._plan.until_width):
                 break
-            identity = of_seed._replace(seed=case.seed)
-            outcome = self._inventory.outcome(identity, case.point.overrides)
+            identity, overrides = of_seed._replace(seed=case.seed), case.point.overrides
+            outcome = self._inventory.outcome(identity, overrides)
             if outcome is not None:
                 self._count(state, case, outcome)
-                continue
-            chunk.append((case, identity))
+            elif refusal:
+                row = Row(identity=identity, overrides=overrides, outcome=REFUSED, reason=refusal)
+                self._add(state, case, row)
+            else:
+                chunk.append((case, identity))
             if len(chunk) == self._options.chunk:
                 yield self._handed(state, chunk, sources)
                 chunk = []
@@ -176,18 +175,6 @@ class Coordinator:
         identities = tuple(identity for _, identity in chunk)
         job = Job(self._plan.table, state.point.overrides, identities, sources)
         return _Handed(job, [case for case, _ in chunk], state)
-
-    def _refuse(self, state: _PointState, cases: list[Case], reason: str) -> None:
-        """Store rows of a point whose scenario is not valid."""
-        overrides = state.point.overrides
-        for case in cases:
-            identity = Identity("", case.seed, "", versions())
-            outcome = self._inventory.outcome(identity, overrides)
-            if outcome is not None:
-                self._count(state, case, outcome)
-                continue
-            row = Row(identity=identity, overrides=overrides, outcome=REFUSED, reason=reason)
-            self._add(state, case, row)
 
     def _take(self, future: "Future[list[Row]]", handed: _Handed) -> None:
         """Store the rows of a job that ended."""

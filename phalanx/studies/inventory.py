@@ -23,7 +23,7 @@ class Inventory:
         self._keys = set[str]()
         """Of rows that may be used again, under any overrides."""
         for known in store.known():
-            self.add(known.identity, known.overrides, known.outcome)
+            self.add(*known)
 
     def add(self, identity: Identity, overrides: str, outcome: str) -> None:
         """Take a row that was stored; overrides: as JSON."""
@@ -60,12 +60,15 @@ class Inventory:
         return f"changed: {self._store.describe(changed, newest, identity)}"
 
 
-def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes]]:
-    """Return a run's identity, and the sources of the user's modules. Raises ScenarioError."""
-    scenario = plan.load(case)
+def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str]:
+    """Return a run's identity, its users' sources by path, and why it cannot begin, if so."""
+    try:
+        scenario = plan.load(case)
+    except ScenarioError as error:
+        return Identity("", case.seed, "", versions()), {}, str(error)
     sources = imported_sources(scenario.model_dump(mode="json"))
     scenario_digest, modules = digest_of_scenario(scenario), digest_of_modules(sources)
-    return Identity(scenario_digest, case.seed, modules, versions()), sources
+    return Identity(scenario_digest, case.seed, modules, versions()), sources, ""
 
 
 def missing_by_reason(plan: Plan, store: Store) -> Counter[str]:
@@ -74,10 +77,7 @@ def missing_by_reason(plan: Plan, store: Store) -> Counter[str]:
     found: Counter[str] = Counter()
     for _, cases in groupby(plan.cases(), key=lambda case: case.point.number):
         first = next(cases)
-        try:
-            identity, _ = identity_of(plan, first)
-        except ScenarioError:
-            identity = Identity("", first.seed, "", versions())
+        identity, *_ = identity_of(plan, first)
         for case in (first, *cases):
             reason = inventory.reason(identity._replace(seed=case.seed), case.point.overrides)
             if reason is not None:

@@ -194,12 +194,7 @@ def plan_from(table: Mapping[str, Any], source: str = "study") -> Plan:
 
 def read_plan(path: Path) -> Plan:
     """Read a study.toml. Raises ScenarioError if it cannot be read, is not TOML, or not a plan."""
-    try:
-        return plan_from(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{path}: not valid TOML: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {error}") from error
+    return plan_from(read_table(path), str(path))
 
 
 def seeds_from(text: str) -> tuple[int, ...]:

@@ -11,14 +11,14 @@ import io
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import msgspec
 import polars as pl
 import tomli_w
 
 from phalanx.studies.identity import Identity, versions, versions_of_libraries
-from phalanx.studies.plan import Plan, read_plan
+from phalanx.studies.plan import Plan
 from phalanx.studies.row import SCHEMA, Row, flat, json_text
 
 PLAN, ROWS = "study.toml", "rows.parquet"
@@ -31,16 +31,7 @@ class StudyError(ValueError):
     """A study's folder cannot be used; the message names it and the reason."""
 
 
-class Known(NamedTuple):
-    """A row that is there already."""
-
-    identity: Identity
-    overrides: str
-    """As JSON."""
-    outcome: str
-
-
-class Store:
+class Store(contextlib.AbstractContextManager["Store"]):
     """The rows in a study's folder; one program writes, others may read."""
 
     def __init__(self, folder: Path) -> None:
@@ -69,9 +60,6 @@ class Store:
         known = {**self._versions(), versions(): versions_of_libraries()}
         _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(known)))
         _replace(self.folder / _JOURNAL, self._lines())
-        return self
-
-    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -118,11 +106,11 @@ class Store:
                 os.truncate(file, size)
             raise
 
-    def known(self) -> Iterator[Known]:
-        """Yield the identity of every row that is there."""
+    def known(self) -> Iterator[tuple[Identity, str, str]]:
+        """Yield the identity, the overrides as JSON and the outcome of every row that is there."""
         columns = ["scenario", "seed", "modules", "versions", "overrides", "outcome"]
         for *parts, overrides, outcome in self.frame().select(columns).iter_rows():
-            yield Known(Identity(*parts), overrides, outcome)
+            yield Identity(*parts), overrides, outcome
 
     def describe(self, changed: list[str], before: Identity, now: Identity) -> str:
         """Name the inputs that changed; of versions, which."""
@@ -201,11 +189,6 @@ def _of_another_version(file: Path, columns: Iterable[str]) -> StudyError:
         f"{file}: the rows of another version of Phalanx ({', '.join(other) or 'types'} differ): "
         "take another folder, or delete this one"
     )
-
-
-def plan_of(folder: Path) -> Plan:
-    """Read the plan of a study's folder. Raises ScenarioError."""
-    return read_plan(folder / PLAN)
 
 
 def plan_text(plan: Plan) -> str:

@@ -29,7 +29,7 @@ from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
 from phalanx.studies.pool import Pool
 from phalanx.studies.progress import shown
 from phalanx.studies.row import counted, json_text
-from phalanx.studies.store import Store, plan_of
+from phalanx.studies.store import PLAN, Store
 
 
 def study(
@@ -115,7 +115,7 @@ def study(
 
 def open_study(folder: str | Path) -> "Study":
     """Open a study's folder, whole or unfinished. Raises ScenarioError, StudyError."""
-    return Study(Path(folder), plan_of(Path(folder)))
+    return Study(Path(folder), read_plan(Path(folder) / PLAN))
 
 
 def _shown(plan: Plan, progress: Progress | bool) -> AbstractContextManager[Progress]:

@@ -29,7 +29,7 @@ def test_what_was_never_run_is_new(store):
 
 
 def test_rows_of_the_same_identity_are_used_again(store):
-    identity, _ = identity_of(PLAN, PLAN.case(0))
+    identity, *_ = identity_of(PLAN, PLAN.case(0))
     for seed in range(2):
         stored(store, identity._replace(seed=seed))
     assert missing_by_reason(PLAN, store) == {"new": 1}
@@ -44,13 +44,13 @@ def test_rows_of_the_same_identity_are_used_again(store):
     ],
 )
 def test_it_is_said_which_input_changed(store, changed, reason):
-    identity, _ = identity_of(PLAN, PLAN.case(0))
+    identity, *_ = identity_of(PLAN, PLAN.case(0))
     stored(store, identity._replace(**changed))
     assert missing_by_reason(PLAN, store) == {reason: 1, "new": 2}
 
 
 def test_a_library_that_changed_is_named_with_both_versions(store, tmp_path):
-    identity, _ = identity_of(PLAN, PLAN.case(0))
+    identity, *_ = identity_of(PLAN, PLAN.case(0))
     stored(store, identity._replace(versions="before"))
     known = (tmp_path / "versions.json").read_text().replace('"numpy": "', '"numpy": "0.')
     known = known.replace(identity.versions, "before")
@@ -61,17 +61,17 @@ def test_a_library_that_changed_is_named_with_both_versions(store, tmp_path):
 
 
 def test_a_broken_run_is_tried_again(store):
-    identity, _ = identity_of(PLAN, PLAN.case(0))
+    identity, *_ = identity_of(PLAN, PLAN.case(0))
     stored(store, identity, "broken")
     assert missing_by_reason(PLAN, store) == {"broken: tried again": 1, "new": 2}
     assert Inventory(store).outcome(identity, {}) is None
 
 
 def test_an_axis_at_the_value_that_the_scenario_has_uses_its_rows(store):
-    identity, _ = identity_of(PLAN, PLAN.case(0))
+    identity, *_ = identity_of(PLAN, PLAN.case(0))
     stored(store, identity)
     varied = plan_from({"scenario": "unicycles", "vary": {"network.loss": [0.0]}})
-    of_axis, _ = identity_of(varied, varied.case(0))
+    of_axis, *_ = identity_of(varied, varied.case(0))
     assert Inventory(store).outcome(of_axis, {"network.loss": 0.0}) == "safe"
 
 
