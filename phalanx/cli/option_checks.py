@@ -20,7 +20,7 @@ from phalanx.wire.credentials import (
 )
 
 if TYPE_CHECKING:
-    from phalanx.launcher.live import LiveRun
+    from phalanx.wire.membership import Membership
 
 LARGEST_SEED = 2**63 - 1
 _LONGEST_WAIT = 1e6
@@ -156,8 +156,8 @@ def require_here(endpoint: str, insecure: bool, expected: str) -> None:
         raise typer.BadParameter(f"{endpoint} is not for this host alone: expected {expected}")
 
 
-def live_run(folder: Path, insecure: bool) -> "LiveRun | None":
-    """Return the address of the run that is running in this folder, or None."""
+def live_run(folder: Path, insecure: bool) -> "Membership | None":
+    """Return a viewer's membership of the run that is running in this folder, or None."""
     from phalanx.launcher.live import find_live
 
     found = find_live(folder)

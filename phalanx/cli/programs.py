@@ -201,7 +201,7 @@ def tap(
         found = live_run(Path(run), insecure)
         if found is None:
             raise typer.BadParameter(f"{run}: no live run; or give its name and --connect")
-        membership = found.membership
+        membership = found
     for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
         echo(json.dumps([key, fields], default=repr))
         if number == count:

@@ -46,20 +46,7 @@ Show = Callable[[int], None]
 
 
 def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: int = 15) -> Path:
-    """Write a recording as a moving picture; its name's ending is .gif, .webp or .mp4.
-
-    Args:
-        recording: of the run.
-        path: of the picture.
-        speed: virtual seconds in a second.
-        per_second: frames.
-
-    Returns the path.
-
-    Raises:
-        ValueError: there is no such format, .mp4 lacks ffmpeg, or there is nothing to draw.
-        OSError: it cannot be written.
-    """
+    """Write a recording as a moving picture, as Run.animate says."""
     if path.suffix not in _FORMATS:
         raise ValueError(f"path: expected a name that ends in {', '.join(_FORMATS)}, got {path}")
     if path.suffix == ".mp4" and not shutil.which("ffmpeg"):

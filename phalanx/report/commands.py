@@ -1,8 +1,7 @@
 """phalanx report and compare: figures of one run, and runs side by side."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,19 +16,13 @@ def register(app: typer.Typer) -> None:
     app.command()(animate)
 
 
-class Style(StrEnum):
-    """The styles of figures."""
-
-    SCREEN = "screen"
-    PAPER = "paper"
-
-
 def report(
     run: RunArgument,
     trust: Trust = False,
     style: Annotated[
-        Style, typer.Option(help="paper: figures as wide as a paper's column, also as PDF.")
-    ] = Style.SCREEN,
+        Literal["screen", "paper"],
+        typer.Option(help="paper: figures as wide as a paper's column, also as PDF."),
+    ] = "screen",
 ) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 

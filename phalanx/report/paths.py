@@ -10,9 +10,8 @@ from phalanx.arrays import Array, Index
 from phalanx.curves.history import RecordedHistory
 from phalanx.report import style
 from phalanx.report.safety import required_distance
-from phalanx.scenario.model import Scenario
-from phalanx.theory.safety.function import Drawable, Line
-from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
+from phalanx.theory.safety.function import outlines
+from phalanx.theory.safety.obstacles import Sphere, Wall
 
 _PATH_POINTS = 3000
 _MANY_POINTS = 400
@@ -46,7 +45,10 @@ def draw_paths(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
 def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
     """Lowest and highest coordinates of what is drawn, with a margin [m], shapes (d,)."""
     d, scenario = history.positions.shape[2], history.scenario
-    shown = [history.positions.reshape(-1, d), *(np.array(line) for line in _outlines(scenario))]
+    shown = [
+        history.positions.reshape(-1, d),
+        *(np.array(line) for line in outlines(scenario.static)),
+    ]
     for obstacle in scenario.obstacles:
         if isinstance(obstacle, Sphere):
             shown.append(
@@ -55,14 +57,6 @@ def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
     points = np.concatenate(shown)
     margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
     return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def _outlines(scenario: Scenario) -> list[Line]:
-    """Lines of the limits that can be drawn, and edges of boxes and polygons."""
-    limits = [field.boundary.limit for field in scenario.limits]
-    lines = [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
-    boxes = [o for o in scenario.obstacles if isinstance(o, Box | Polygon)]
-    return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 
 def _kept_states(history: RecordedHistory, most: int) -> Index:
@@ -133,7 +127,7 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
             axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
         small = style.current().small
         axes.annotate(str(k), center, ha="center", va="center", fontsize=small, color=style.LIMIT)
-    for line in _outlines(scenario):
+    for line in outlines(scenario.static):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:
         times = np.linspace(0.0, history.times[-1], 200)

@@ -22,18 +22,7 @@ def plot(
     axes: Mapping[str, Axes] | None = None,
     style: str = SCREEN,
 ) -> dict[str, Axes]:
-    """Draw panels of a run on given axes, or on a new figure of pyplot.
-
-    Args:
-        recording: of the run.
-        panels: their names, of PANELS; by default those of `axes`, or all.
-        axes: on which to draw, by panel.
-        style: of STYLES.
-
-    Returns the axes by panel.
-
-    Raises ValueError: there is no such panel or style, or the recording holds no state.
-    """
+    """Draw panels of a run, of PANELS, as Run.plot says."""
     chosen = tuple(panels or axes or PANELS)
     if unknown := [name for name in chosen if name not in PANELS]:
         raise ValueError(f"panel: expected {', '.join(PANELS)}, got {unknown[0]!r}")

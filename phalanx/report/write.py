@@ -41,14 +41,9 @@ class ReportFigure(NamedTuple):
 def write_report(
     run: Path, progress: Callable[[str], None] | None = None, style: str = SCREEN
 ) -> Path:
-    """Write report.html and figures/*.png next to a recording, whole or cut short.
+    """Write report.html and figures/* next to a recording, whole or cut short, as Run.report says.
 
-    Args:
-        run: a run's folder, or its recording.
-        progress: called with the name of each figure before it is drawn.
-        style: of STYLES; for "paper" also figures/*.pdf.
-
-    Returns the path of report.html. Raises UnreadableRecordingError, OSError, ValueError.
+    run: its folder, or its recording. Raises UnreadableRecordingError, OSError, ValueError.
     """
     drawn: list[tuple[str, bytes]] = []
     place = 0

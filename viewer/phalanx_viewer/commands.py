@@ -55,8 +55,7 @@ def live_membership(
     if (recording is None) != bool(run):
         raise typer.BadParameter("expected either RUN or --run")
     if recording is not None:
-        found = checks.live_run(recording, insecure)
-        return found.membership if found else None
+        return checks.live_run(recording, insecure)
     endpoint = checks.endpoint_for(connect, keys)
     folder = checks.identity_for(keys, endpoint, insecure)
     return Membership(

@@ -169,7 +169,7 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
 
     # A user who runs a scenario trusts the code that it names.
     while (found := find_live(folder)) is not None:
-        membership = replace(found.membership, timeout=_TIMEOUT)
+        membership = replace(found, timeout=_TIMEOUT)
         with suppress(HubError):  # it may be over meanwhile
             sys.exit(
                 run(

@@ -15,7 +15,7 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Positive
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon
 
 
 @dataclass(frozen=True)
@@ -252,6 +252,14 @@ class Boundary:
 
 
 Static = Obstacle | Boundary
+
+
+def outlines(static: Sequence[Static]) -> list[Line]:
+    """Lines of limits that can be drawn, then the edges of boxes and polygons, points in [m]."""
+    limits = [each.limit for each in static if isinstance(each, Boundary)]
+    lines = [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
+    boxes = [each for each in static if isinstance(each, Box | Polygon)]
+    return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 
 def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:

@@ -151,9 +151,9 @@ def test_the_swarm_is_drawn_and_what_stands_still_comes_again_for_the_late(heard
     folder, listener = heard
     names = scene_model(read(folder).scenario).names
     drawn = [{marker.ns for marker in message.markers} for message in listener.markers()]
-    assert all(found >= {"agents", "names", "safety radius"} for found in drawn)
-    assert 1 < sum("obstacles" in found for found in drawn) < len(drawn)
-    assert [m.text for m in listener.markers()[-1].markers if m.ns == "names"] == list(names)
+    assert all(found >= {"agent", "name", "safety radius"} for found in drawn)
+    assert 1 < sum("obstacle" in found for found in drawn) < len(drawn)
+    assert [m.text for m in listener.markers()[-1].markers if m.ns == "name"] == list(names)
 
 
 def test_the_verdict_is_the_last_that_is_told(heard):

@@ -51,6 +51,6 @@ def test_it_has_a_viewers_keys_and_goes_with_the_run(tmp_path: Path) -> None:
     with announced(tmp_path, OURS):
         found = find_live(tmp_path)
         assert found is not None
-        assert found.membership.credentials == OURS.credentials
-        assert not found.membership.secret
+        assert found.credentials == OURS.credentials
+        assert not found.secret
     assert find_live(tmp_path) is None

@@ -93,10 +93,10 @@ def test_every_agent_is_an_arrow_with_its_name_and_its_safety_radius(replay):
         assert disc.type == ros.CYLINDER
         assert (disc.scale.x, disc.scale.y) == (1.0, 1.0), "two touch at the radius of 1 m"
         assert [disc.pose.position.x, disc.pose.position.y] == place[:2].tolist()
-        assert found["agents", i].type == ros.ARROW
-        assert found["names", i].text == name
-    assert found["agents", 0].color.b > found["agents", 0].color.r, "the normal one is blue"
-    assert found["agents", 1].color.r > found["agents", 1].color.b, "adversaries are red"
+        assert found["agent", i].type == ros.ARROW
+        assert found["name", i].text == name
+    assert found["agent", 0].color.b > found["agent", 0].color.r, "the normal one is blue"
+    assert found["agent", 1].color.r > found["agent", 1].color.b, "adversaries are red"
 
 
 def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay):
@@ -106,7 +106,7 @@ def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay
     pairs = len(replay.summary.violations)
     assert (after[line].action, after[line].type) == (ros.ADD, ros.LINE_LIST)
     assert len(after[line].points) == 2 * pairs
-    assert after["agents", 0].color.r > after["agents", 0].color.b
+    assert after["agent", 0].color.r > after["agent", 0].color.b
 
 
 def static_markers(model: SceneModel) -> list[ros.Marker]:
@@ -120,7 +120,7 @@ def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
     message = ros.MarkerArray.deserialize(
         serialized(messages.array(messages.static_markers(0.0, model)))
     )
-    spheres = [marker for marker in message.markers if marker.ns == "obstacles"]
+    spheres = [marker for marker in message.markers if marker.ns == "obstacle"]
     assert spheres
     for marker, (center, radius) in zip(spheres, model.static.spheres, strict=True):
         center_drawn = marker.pose.position
@@ -133,7 +133,7 @@ def test_a_fence_is_a_line_around_where_one_may_be():
     message = ros.MarkerArray.deserialize(
         serialized(messages.array(messages.static_markers(0.0, model)))
     )
-    (fence,) = [marker for marker in message.markers if marker.ns == "limits"]
+    (fence,) = [marker for marker in message.markers if marker.ns == "limit"]
     assert [(p.x, p.y, p.z) for p in fence.points] == [
         tuple(point) for point in model.static.outlines[0].tolist()
     ]

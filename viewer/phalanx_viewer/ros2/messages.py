@@ -35,14 +35,6 @@ _TYPES = {
     Kind.BOX: Marker.CUBE,
     Kind.LINE: Marker.LINE_STRIP,
 }
-_NAMESPACES = {
-    "agent": "agents",
-    "name": "names",
-    "obstacle": "obstacles",
-    "wall": "walls",
-    "limit": "limits",
-    "path": "formation",
-}
 _OF_OUTCOME = {
     Outcome.GUARANTEED: Status.OK,
     Outcome.SAFE: Status.WARN,
@@ -113,7 +105,7 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
     nothing, then = np.zeros(0, dtype=np.uint8), cdr.header(0.0, "")
     return Marker(
         header=now,
-        ns=_NAMESPACES.get(shape.group, shape.group),
+        ns=shape.group,
         id=shape.number,
         type=_TYPES[shape.kind],
         action=Marker.ADD,

@@ -15,8 +15,8 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import ComposedSet, stacked_slices
-from phalanx.theory.safety.function import Boundary, Drawable
-from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
+from phalanx.theory.safety.function import Boundary, outlines
+from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx_viewer.scene.colours import COLOURS, Colour, Role
 
 _HEADING_STATES = ("theta", "psi", "yaw", "heading")
@@ -127,10 +127,7 @@ class StaticGeometry:
         walls = [(o, in_space(o.unit_normal)) for o in scenario.obstacles if isinstance(o, Wall)]
         self.walls = [(n * (o.offset - o.clearance + radius), n) for o, n in walls]
         """A point of each surface, shape (3,), which discs touch where h = 0, and its normal."""
-        limits = [field.boundary.limit for field in scenario.limits]
-        lines = [line for l in limits if isinstance(l, Drawable) for line in l.outline()]
-        boxes = [o for o in scenario.obstacles if isinstance(o, Box | Polygon)]
-        lines += [list(edge) for box in boxes for edge in box.edges()]
+        lines = outlines(scenario.static)
         self.outlines = [np.array([in_space(np.array(point)) for point in line]) for line in lines]
         """Lines of limits such as a fence, and edges of boxes and polygons [m], shapes (s, 3)."""
         path: list[Array] = []
