@@ -6,6 +6,7 @@ Upstream: mcap 1.6, `mcap.writer.Writer.add_message`, `mcap.records.Message.writ
 
 import struct
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any
 
 from mcap.data_stream import RecordBuilder
@@ -44,16 +45,17 @@ class PackedWriter(Writer):
         self._size = 0
         """Of the messages [bytes]."""
 
-    def add(self, channel: int, at: int, data: bytes) -> None:
-        """Append a message of a time [ns]."""
-        if not self._parts:
-            self._size = self._chunk.count
-        size = _LENGTH + len(data)
-        self._parts += (_HEAD.pack(Opcode.MESSAGE, size, channel, 0, at, at), data)
-        self._index[channel] += (at, self._size)
-        self._size += 9 + size
-        if self._size > self._most:
-            self._Writer__finalize_chunk()
+    def add(self, messages: Iterable[tuple[int, int, bytes]]) -> None:
+        """Append messages: channel, time [ns] and data of each."""
+        for channel, at, data in messages:
+            if not self._parts:
+                self._size = self._chunk.count
+            size = _LENGTH + len(data)
+            self._parts += _HEAD.pack(Opcode.MESSAGE, size, channel, 0, at, at), data
+            self._index[channel] += at, self._size
+            self._size += 9 + size
+            if self._size > self._most:
+                self._Writer__finalize_chunk()
 
     def _Writer__finalize_chunk(self) -> None:  # noqa: N802
         """Hand the chunk's messages to the library, which writes it, and count them."""

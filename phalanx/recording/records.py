@@ -54,8 +54,9 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
     """Numbers that a controller of one's own wants recorded, by name."""
 
     def __post_init__(self) -> None:
-        """Compute the oldest age, which older recordings do not have."""
-        self.oldest_input = max([age for _, age in self.ages]) if self.ages else None
+        """Compute the oldest age where it is missing, as in older recordings."""
+        if self.ages and self.oldest_input is None:
+            self.oldest_input = max([age for _, age in self.ages])
 
 
 class StepData(msgspec.Struct):

@@ -66,9 +66,8 @@ class RecordingWriter:
 
     def write(self, *records: Record) -> None:
         """Append records at their virtual times. Raises RecordingError."""
-        for record in records:
-            channel, data = self._channels[type(record)], self._encode(record)
-            self._writer.add(channel, int(record.t * 1e9), data)
+        channels, encode = self._channels, self._encode
+        self._writer.add([(channels[type(r)], int(r.t * 1e9), encode(r)) for r in records])
 
     def finish(self, summary: Summary) -> None:
         """Append the summary and the index. Raises RecordingError."""

@@ -7,7 +7,7 @@ travel. While that is outside another agent's sensing radius, it does not affect
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -138,12 +138,11 @@ class Lookahead(Synchronization):
     def reach(self, until: float) -> None:
         """Let the world follow to `until` [s]: all inputs that take effect before are known."""
         self.advance(until)
-        self._world.follow(self._take_ahead(until))
-
-    def _take_ahead(self, until: float) -> Iterator[Piece]:
-        while self._ahead and self._ahead[0].t < until:
-            self._done += 1
-            yield self._ahead.popleft()
+        ahead, passed = self._ahead, list[Piece]()
+        while ahead and ahead[0].t < until:
+            passed.append(ahead.popleft())
+        self._done += len(passed)
+        self._world.follow(passed)
 
     def required(self, sampling: Sequence[int]) -> list[int]:
         """Return agents whose inputs must be known before those in `sampling` are sampled.

@@ -29,14 +29,16 @@ class TrajectoryHash:
     def __init__(self) -> None:
         self._sha = hashlib.sha256()
 
-    def add(self, instant: Sequence[Judged]) -> None:
-        """Take the events of the next instant."""
-        for judged in instant:
+    def add(self, events: Sequence[Judged]) -> None:
+        """Take the next events."""
+        parts = list[bytes | memoryview]()
+        for judged in events:
             match judged.event:
                 case StateReached(t=t, x=x):
-                    self._sha.update(_TIME.pack(t) + x.tobytes())
+                    parts += _TIME.pack(t), x.data
                 case InputApplied(i=i, k=k, u=u):
-                    self._sha.update(_INPUT.pack(i, k) + u.tobytes())
+                    parts += _INPUT.pack(i, k), u.data
+        self._sha.update(b"".join(parts))
 
     @property
     def hexadecimal(self) -> str:
@@ -66,10 +68,10 @@ class Recorder:
         """By agent, the broadcasts since its last recorded step: a step whose input was lost is not
         recorded."""
 
-    def record(self, instant: Sequence[Judged]) -> None:
-        """Record the events of the next instant. Raises RecordingError."""
+    def record(self, events: Sequence[Judged]) -> None:
+        """Record the next events. Raises RecordingError."""
         records: list[Any] = []
-        for judged in instant:
+        for judged in events:
             event = judged.event
             match event:
                 case StateReached():
@@ -92,10 +94,6 @@ class Recorder:
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
         names = self._names
         received, self._received[event.i] = self._received[event.i], []
-        hit = [
-            (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
-            for fate, found in received
-        ]
         return Step(
             agent=names[event.i],
             k=event.k,
@@ -103,7 +101,11 @@ class Recorder:
             t_apply=event.t_apply,
             ages=[(names[l], age) for l, age in telemetry.ages],
             fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in received],
-            faults=[entry for entry in hit if entry[2]],
+            faults=[
+                (names[fate.sender], fate.k, [self._declared[n] for n in hit])
+                for fate, found in received
+                if (hit := (*fate.faults, *found.lies))
+            ],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
                 for fate, found in received

@@ -16,7 +16,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.models.world import World, WorldAgent, WorldError, advanced
 from phalanx_plant.world.motion import by_dynamics
-from phalanx_plant.world.world import DisturbanceKnot, Integration, Piece, Segment
+from phalanx_plant.world.world import DisturbanceKnot, History, Integration, Piece, Segment
 
 
 class _Ledger(NamedTuple):
@@ -65,10 +65,10 @@ class ForeignIntegration(Integration):
         if callable(getattr(self._world, "close", None)):
             call_user(self._world, "close", "no error")
 
-    def start(self) -> list[Piece]:
+    def start(self) -> History:
         """Return x(0) as a segment of no length: before any motion no disturbance is known."""
         nothing, x = np.zeros_like(self.x), self.x
-        here = Segment(0.0, 0.0, 0.0, nothing, nothing, self._u.copy(), x, x[None], self.p[None])
+        here = Segment(0.0, 0.0, 0.0, nothing, nothing, self._u, x, x[None], self.p[None])
         return [here]
 
     def hold(self, i: int, u: Array | float) -> None:
@@ -77,18 +77,19 @@ class ForeignIntegration(Integration):
         agent = self._agents[i]
         call_user(self._world, "hold", "no error", agent.name, self.held(i), agent=agent.name)
 
-    def integrate(self, until: float) -> Iterator[Piece]:
+    def integrate(self, until: float) -> History:
         """Advance the world to `until` [s], with each new seed from its time on.
 
         Raises MistakenMethodError.
         """
+        found: History = []
         for at, seed in self._seeds.later[self._reseeded :]:
             if at >= until:
                 break
-            yield from self._advance(at)
+            found += self._advance(at)
             call_user(self._world, "reseed", "no error", seed)
             self._reseeded += 1
-        yield from self._advance(until)
+        return [*found, *self._advance(until)]
 
     def _advance(self, until: float) -> Iterator[Piece]:
         if not self.t < until:
@@ -96,7 +97,7 @@ class ForeignIntegration(Integration):
         found = advanced(self._world, self._agents, self.t, until, self._longest)
         yield from found.notes
         x = np.concatenate([found.x[agent.name] for agent in self._agents], axis=1)
-        u, still = self._u.copy(), np.zeros_like(self.x)
+        u, still = self._u, np.zeros_like(self.x)
         before, seconds = np.vstack([self.x[None], x[:-1]]), np.diff(found.t, prepend=self.t)
         phi = self._explained(before, x, u, seconds)
         for k, t in enumerate(found.t.tolist()):

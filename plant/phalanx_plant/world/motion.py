@@ -38,11 +38,15 @@ class Motion:
         self._outputs = axes * len(members)
         self._group_of: dict[int, _SameDynamics] = {}
         """By member."""
+        total = int(states[-1])
+        self._numbers = np.empty(3 * total + int(inputs[-1]) + 1)
+        """Arguments of a step, stacked: x, u, φ, φ' and dt."""
+        self._given = np.split(self._numbers, np.cumsum([total, inputs[-1], total, total]))
         for each in by_dynamics(members):
             own, dynamics = np.array(each), members[each[0]].dynamics
             x = states[own][:, None] + np.arange(len(dynamics.states))
             u = inputs[own][:, None] + np.arange(len(dynamics.inputs))
-            total, dt = states[-1], np.full((len(own), 1), 3 * states[-1] + inputs[-1])
+            dt = np.full((len(own), 1), len(self._numbers) - 1)
             phi = total + inputs[-1] + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
@@ -72,11 +76,14 @@ class Motion:
             slope: time derivative of the disturbance, shape (n̄,).
             dt: length of each step [s].
         """
-        numbers, states = np.concatenate([x, u, phi, slope, [dt]]), x.size
+        states = x.size
+        values: tuple[Array | float, ...] = x, u, phi, slope, dt
+        for part, value in zip(self._given, values, strict=True):
+            part[:] = value
         after = np.empty((count, states + self._outputs))
         for group in self._groups:
             rows, found = group.rows[count - 1]
-            rows(numbers)
+            rows(self._numbers)
             after[:, group.after] = found
         return after[:, :states], after[:, states:].reshape(count, -1, self._axes)
 

@@ -1,7 +1,6 @@
 """Integrate the true state of all agents from event to event, under inputs and disturbances."""
 
 import math
-from collections.abc import Iterable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -92,32 +91,35 @@ class Integration:
     def start(self) -> History:
         """Return the history at t = 0: the first knot, and x(0) as a segment of no length."""
         phi, slope, x = self._line.value, self._line.slope, self.x
-        here = Segment(0.0, 0.0, 0.0, phi, slope, self._u.copy(), x, x[None], self.p[None])
+        here = Segment(0.0, 0.0, 0.0, phi, slope, self._u, x, x[None], self.p[None])
         return [DisturbanceKnot(0.0, phi), here]
 
     def hold(self, i: int, u: Array | float) -> None:
         """Make agent i's actuator hold u, shape (m_i,), from now on."""
+        self._u = self._u.copy()  # segments keep the inputs until now
         self._u[self.inputs[i]] = u
 
     def held(self, i: int) -> Array:
         """Return the input that agent i's actuator holds, shape (m_i,)."""
         return self._u[self.inputs[i]].copy()
 
-    def integrate(self, until: float) -> Iterator[Piece]:
+    def integrate(self, until: float) -> History:
         """Integrate to `until` [s], in steps no longer than the scenario's integration step."""
+        found: History = []
         while self.t < until:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
-                yield DisturbanceKnot(self.t, self._line.value)
-            begin, stop = self.t, min(until, self._line.end)
+                found.append(DisturbanceKnot(self.t, self._line.value))
+            begin, start, line = self.t, self.x, self._line
+            stop = min(until, line.end)
             count = min(math.ceil((stop - begin) / self._longest), _MOST_STEPS)
             self.t = min(stop, begin + count * self._longest)
             dt = (self.t - begin) / count
-            phi, slope = self._line.at(begin), self._line.slope
-            start, u = self.x, self._u.copy()
-            x, p = self.motion.steps(count, start, u, phi, slope, dt)
+            phi = line.at(begin)
+            x, p = self.motion.steps(count, start, self._u, phi, line.slope, dt)
             self.x, self.p = x[-1], p[-1]
-            yield Segment(begin, dt, self.t, phi, slope, u, start, x, p)
+            found.append(Segment(begin, dt, self.t, phi, line.slope, self._u, start, x, p))
+        return found
 
 
 class DivergedError(ArithmeticError):
@@ -159,9 +161,10 @@ class World:
 
     def advance(self, until: float) -> None:
         """Integrate to `until` [s]. Raises DivergedError."""
-        self.follow(self.integration.integrate(until))
+        if until > self.t:
+            self.follow(self.integration.integrate(until))
 
-    def follow(self, pieces: Iterable[Piece]) -> None:
+    def follow(self, pieces: History) -> None:
         """Append pieces that were integrated already. Raises DivergedError."""
         all_of = np.logical_and.reduce  # one call, where `all` makes three
         for piece in pieces:
@@ -170,7 +173,7 @@ class World:
                 if not (all_of(small, axis=None) and all_of(finite, axis=None)):
                     raise self._diverged(piece)
                 self.t, self.x, self.p = piece.end, piece.x[-1], piece.p[-1]
-            self._history.append(piece)
+        self._history += pieces
 
     def _diverged(self, segment: Segment) -> DivergedError:
         """Name the agent whose state or output point is not finite, and the methods behind it."""

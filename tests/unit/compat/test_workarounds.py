@@ -173,7 +173,7 @@ def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls(
 
     for channel, at, data in messages:
         counted(0, partial(own.add_message, channel, at, data, at))
-        counted(1, partial(packed.add, channel, at, data))
+        counted(1, partial(packed.add, [(channel, at, data)]))
     for writer in (own, packed):
         writer.finish()
     assert files[1].getvalue() == files[0].getvalue()
