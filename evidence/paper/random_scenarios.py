@@ -20,8 +20,8 @@ from typing import Any, get_args
 
 import numpy as np
 from phalanx_plant import run as plant_run
-from phalanx_plant.judge.judge import Judge
-from phalanx_plant.world.evaluation import EvaluatedHistory, EvaluatedSteps
+from phalanx_plant.judge.judge import Judge, Judged
+from phalanx_plant.world.events import StateReached
 
 from phalanx.certify.checker.certify import Certification, certify
 from phalanx.certify.checker.intervals import UncertifiableError
@@ -261,15 +261,15 @@ class WatchingJudge(Judge):
         """(t, pair, h) with h > 0 while certified."""
         WatchingJudge.latest = self
 
-    def add(self, history: EvaluatedHistory) -> None:
-        for piece in history:
-            if isinstance(piece, EvaluatedSteps):
-                certified = self.coverage.ends[piece.pairs] >= piece.times[:, None]
-                self.compared += int(certified.sum())
-                for step, place in np.argwhere(certified & ~(piece.h <= 0.0)):
-                    at, h = float(piece.times[step]), float(piece.h[step, place])
-                    self.wrong.append((at, self.extremes.label(int(piece.pairs[place])), h))
-        super().add(history)
+    def _reached(self, event: StateReached, number: int) -> Judged:
+        # The certificates in force until then.
+        for steps in self.evaluation.of([event.history]):
+            certified = self.coverage.ends[steps.pairs] >= steps.times[:, None]
+            self.compared += int(certified.sum())
+            for step, place in np.argwhere(certified & ~(steps.h <= 0.0)):
+                at, h = float(steps.times[step]), float(steps.h[step, place])
+                self.wrong.append((at, self.extremes.label(int(steps.pairs[place])), h))
+        return super()._reached(event, number)
 
 
 @dataclass

@@ -113,8 +113,7 @@ class PlantRun:
         commands.declare(declared(swarm))
         self._world, self._sampling = _world(rows), Sampling(swarm)
         self.judge = Judge(rows, agents.await_telemetry)
-        for history in self.judge.evaluation.of([self._world.take_history()]):
-            self.judge.add(history)
+        self.judge.begin(self._world.take_history())
         self._trajectory = TrajectoryHash()
         self._publisher = Publisher(
             self._world, self.judge, commands, agents.publish_status, audience
@@ -130,8 +129,7 @@ class PlantRun:
         """Time the phases of the plant's work."""
         stopwatch.time(self._world.integration.motion, "steps", "integrate")
         stopwatch.time(self.judge.evaluation, "of", "truth")
-        for call in ("prepare", "judge"):
-            stopwatch.time(self.judge, call, "judge")
+        stopwatch.time(self.judge, "judge", "judge")
         if self._recording is not None:
             stopwatch.time(self._recording, "write", "record")
         stopwatch.time(self._publisher, "show", "show")

@@ -122,15 +122,8 @@ class Assumptions:
         believed = safety.counts_on_received and self._filtered
         return [*found, self._fresh, self._broadcasts] if believed else found
 
-    def add(self, piece: EvaluatedSteps | DisturbanceKnot | WorldNote) -> None:
-        """Check a piece of the world's history."""
-        if isinstance(piece, WorldNote):
-            if piece.fails:
-                own = self._of_world.setdefault(
-                    piece.fails, Assumption(piece.fails, note=piece.text)
-                )
-                own.check(False, piece.t)
-            return
+    def add(self, piece: DisturbanceKnot | WorldNote) -> None:
+        """Check a disturbance, or what a world says of its motion."""
         if isinstance(piece, DisturbanceKnot):
             norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
             # Norms are convex: the bound holds between two knots if it holds at both.
@@ -138,11 +131,16 @@ class Assumptions:
             self._disturbance.check(within, piece.t)
             if not within:
                 self._name_largest(norms, piece.t)
-            return
+        elif piece.fails:
+            own = self._of_world.setdefault(piece.fails, Assumption(piece.fails, note=piece.text))
+            own.check(False, piece.t)
+
+    def moved(self, steps: EvaluatedSteps) -> None:
+        """Check integration steps."""
         if self._start.checked == 0:
-            self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
-        times, psi = piece.times.tolist(), piece.psi.tolist()
-        self._resolved.check_each(piece.resolved.tolist(), times)
+            self._start.check(bool((steps.h[0] <= 0.0).all()), float(steps.times[0]))
+        times, psi = steps.times.tolist(), steps.psi.tolist()
+        self._resolved.check_each(steps.resolved.tolist(), times)
         if not psi:
             return
         self._stayed.check_each([value <= 0.0 for value in psi], times)

@@ -5,7 +5,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from itertools import islice
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -15,7 +14,7 @@ from phalanx_plant.world.events import Event, Instant, StoppedError, SwarmBroken
 from phalanx_plant.world.world import DivergedError
 
 _BATCH = 24
-"""Most instants prepared in one call: h, ψ and certificates cost least for many at once."""
+"""Most instants judged in one call: that costs least for many at once."""
 _LONGEST = 0.1
 """While agents compute, all events are judged this often, however few there are, for viewers
 [s of wall time]."""
@@ -24,11 +23,8 @@ _LONGEST = 0.1
 class EventJudge(Protocol):
     """The judge, as the queue uses it."""
 
-    def prepare(self, events: Sequence[Event]) -> None:
-        """Compute in one call what the judgement of these next events needs."""
-
-    def judge(self, instant: Instant, judged: list[Judged]) -> None:
-        """Judge the events of the next instant, which were prepared, and append the results."""
+    def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+        """Judge the next events in order, and append the results."""
 
 
 class EventQueue:
@@ -44,16 +40,14 @@ class EventQueue:
 
         Args:
             judge: of the run.
-            observers: receive the judged events of each instant, in this order.
+            observers: receive the judged events of some instants, in this order.
             idle: called at a wall time [s], for work that can wait.
         """
         self._idle = idle
         self._judge, self._observers = judge, observers
         self._instants: deque[Instant] = deque()
-        self._prepared = 0
-        """Number of instants, the oldest, that are prepared."""
         self._cost = 1e-3
-        """Estimated CPU time of preparing one instant [s]."""
+        """Estimated CPU time of judging one instant [s]."""
         self._due = time.monotonic() + _LONGEST
 
     def __len__(self) -> int:
@@ -68,39 +62,31 @@ class EventQueue:
         self._instants.append(instant)
 
     def judge_next(self, seconds: float = math.inf) -> None:
-        """Judge and observe the oldest instant. Raises RecordingError, DivergedError.
+        """Judge and observe the oldest instants. Raises RecordingError, DivergedError.
 
-        seconds: about how long to prepare a batch, which nothing interrupts [s of CPU time].
+        seconds: about how long it may take, as nothing interrupts it [s of CPU time].
         """
-        if not self._prepared:
-            self._prepare(seconds)
-        self._prepared -= 1
-        judged: list[Judged] = []
+        affordable = max(1.0, seconds / max(self._cost, 1e-9))
+        count = int(min(affordable, _BATCH, len(self._instants)))
+        events = [event for _ in range(count) for event in self._instants.popleft()]
+        judged, began = list[Judged](), time.thread_time()
         try:
-            self._judge.judge(self._instants.popleft(), judged)
+            self._judge.judge(events, judged)
         finally:
             for observe in self._observers:
                 observe(judged)
-
-    def _prepare(self, seconds: float) -> None:
-        affordable = max(1.0, seconds / max(self._cost, 1e-9))
-        instants = list(islice(self._instants, int(min(affordable, _BATCH))))
-        began = time.thread_time()
-        self._judge.prepare([event for instant in instants for event in instant])
-        cost = (time.thread_time() - began) / len(instants)
         # Costs differ: a few instants that cost nothing must not make the next batch large.
-        self._prepared, self._cost = len(instants), max(cost, 0.9 * self._cost)
+        self._cost = max((time.thread_time() - began) / count, 0.9 * self._cost)
 
     def judge_batches(self) -> None:
         """Judge all but the last instants, which wait for more. Raises as judge_next does."""
-        now = time.monotonic()
-        if now >= self._due:
+        if time.monotonic() >= self._due:
             self.judge_all()
             self._due = time.monotonic() + _LONGEST
             return
         while len(self._instants) > _BATCH:
             self.judge_next()
-        self._idle(now)
+            self.idle()
 
     def judge_all(self) -> None:
         """Judge all events. Raises as judge_next does."""

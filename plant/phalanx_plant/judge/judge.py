@@ -4,14 +4,13 @@ Outcome and certificates follow from the true states and the applied inputs alon
 are compared with these. All that is recorded and shown of an event is in its judgement.
 """
 
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.guarantee.verdict import Convicted, Proof, TrustSummary
 from phalanx.network.inbox import Claim, Fate
@@ -26,19 +25,18 @@ from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.assumptions import Assumptions
 from phalanx_plant.judge.claims import Claims, Finding
 from phalanx_plant.judge.coverage import Coverage
-from phalanx_plant.world.evaluation import EvaluatedHistory, EvaluatedSteps, Evaluation
+from phalanx_plant.world.evaluation import EvaluatedSteps, Evaluation
 from phalanx_plant.world.events import (
     CommandApplied,
     Event,
     InputApplied,
     InputLost,
-    Instant,
     MemberLost,
     Sampled,
     StateReached,
 )
 from phalanx_plant.world.extremes import PairExtremes
-from phalanx_plant.world.world import DivergedError
+from phalanx_plant.world.world import DivergedError, History, Segment
 
 _PROOFS: Mapping[Proof, str] = {
     "equivocation": "it signed two broadcasts {} that differ",
@@ -78,16 +76,10 @@ class Judge:
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
         self._latency = swarm.time.latency
-        self._histories: deque[EvaluatedHistory] = deque()
-        """Of the prepared StateReached events."""
-        self._proven: deque[Array] = deque()
-        """Of the prepared InputApplied events, the time that each pair is proven safe [s]."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._turned: dict[int, float] = {}
         """Normal agents that became adversaries, and since when [s]."""
-        self._notes: list[Log] = []
-        """Of the world, since the last state."""
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
         self._convictions: list[Convicted] = []
@@ -106,68 +98,96 @@ class Judge:
         counts = zip(self._names, self._rejected, self._rejected_before, strict=True)
         return {f"by agent {name}": now + before for name, now, before in counts if now + before}
 
-    def prepare(self, events: Sequence[Event]) -> None:
-        """Compute what the next events need, in one call: that costs less than one by one."""
-        evaluated = self.evaluation.of([e.history for e in events if type(e) is StateReached])
-        proven = self.coverage.proven([e for e in events if type(e) is InputApplied])
-        self._histories.extend(evaluated)
-        self._proven.extend(proven)
+    def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+        """Judge the next events in order, and append the results; a sample has none.
 
-    def judge(self, instant: Instant, judged: list[Judged]) -> None:
-        """Judge the events of the next instant, which were prepared, and append the results.
-
-        A sample has none. Raises DivergedError.
+        Together, as h, ψ and certificates cost least for many. Raises DivergedError, and what the
+        first report that does not arrive raises, once the others are judged.
         """
-        for event in instant:
-            match event:
-                case StateReached():
-                    judged.append(self._reached(event))
-                case Sampled():
-                    self.assumptions.sampled(event)
-                case InputApplied():
-                    judged.append(self._applied(event))
-                case CommandApplied():
-                    judged.append(self._command(event))
-                case InputLost():
-                    judged.append(self._lost(event))
-                case MemberLost():
-                    judged.append(self._lost_member(event))
+        places = [k for k, event in enumerate(events) if type(event) is StateReached]
+        failed = self._add([e.history for e in events if type(e) is StateReached])
+        if failed is not None:
+            number, diverged = failed
+            self.judge(events[: places[number]], judged)
+            raise diverged
+        proven = iter(self.coverage.proven([e for e in events if type(e) is InputApplied]))
+        number, failure = 0, None
+        for event in events:
+            try:
+                match event:
+                    case StateReached():
+                        judged.append(self._reached(event, number))
+                        number += 1
+                    case Sampled():
+                        self.assumptions.sampled(event)
+                    case InputApplied():
+                        judged.append(self._applied(event, next(proven)))
+                    case CommandApplied():
+                        judged.append(self._command(event))
+                    case InputLost():
+                        judged.append(self._lost(event))
+                    case MemberLost():
+                        judged.append(self._lost_member(event))
+            except Exception as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
 
-    def add(self, history: EvaluatedHistory) -> None:
-        """Check a piece of the world's history. Raises DivergedError."""
-        for piece in history:
-            if type(piece) is WorldNote:
-                self._notes.append(Log(piece.t, piece.text, Level.WARNING))
-            if type(piece) is EvaluatedSteps:
-                if not np.logical_and.reduce(np.abs(piece.h_tot) <= LARGEST):
-                    raise self._diverged(piece)
-                self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
-            self.assumptions.add(piece)
+    def begin(self, history: History) -> None:
+        """Check the world's history at t = 0. Raises DivergedError."""
+        if (failed := self._add([history])) is not None:
+            raise failed[1]
 
-    def _diverged(self, steps: EvaluatedSteps) -> DivergedError:
+    def _add(self, histories: Sequence[History]) -> tuple[int, DivergedError] | None:
+        """Check consecutive histories; if one is not finite return its number and the error."""
+        evaluated = list(self.evaluation.of(histories))
+        if (failed := self.diverged(evaluated)) is not None:
+            return failed
+        for history in histories:
+            for piece in history:
+                if not isinstance(piece, Segment):
+                    self.assumptions.add(piece)
+        for steps in evaluated:
+            self.extremes.add(steps)
+            self.assumptions.moved(steps)
+        return None
+
+    def diverged(self, evaluated: Sequence[EvaluatedSteps]) -> tuple[int, DivergedError] | None:
+        """Return the number of the first history that is not finite, and the error."""
+        for steps in evaluated:
+            finite = np.abs(steps.h_tot) <= LARGEST
+            if not np.logical_and.reduce(finite):
+                number = int(steps.numbers[finite.argmin()])
+                own = steps.numbers == number
+                t = float(steps.times[own][-1])
+                return number, self._diverged(t, steps.pairs, steps.h[own])
+        return None
+
+    def _diverged(self, t: float, pairs: Index, h: Array) -> DivergedError:
         """Name the pair whose h is not finite, and the method behind it; else h_tot."""
-        composed, t = self._swarm.safe_set, float(steps.times[-1])
-        bad = ~(np.abs(steps.h) <= LARGEST).all(axis=0)
+        composed, bad = self._swarm.safe_set, ~(np.abs(h) <= LARGEST).all(axis=0)
         if not bad.any():
             return DivergedError("h_tot", t)
-        pair = composed.pairs[int(steps.pairs[np.argmax(bad)])]
+        pair = composed.pairs[int(pairs[np.argmax(bad)])]
         return DivergedError(
             f"h of {composed.label(pair)}", t, located_method(*composed.method_of(pair))
         )
 
-    def _reached(self, event: StateReached) -> Judged:
-        self.add(self._histories.popleft())
+    def _reached(self, event: StateReached, number: int) -> Judged:
         self.coverage.reached(event.t)
         self.assumptions.reached(event)
         extremes, before = self.extremes, self._unsafe
-        now = self._unsafe = extremes.take_unsafe()
-        notices, self._notes = self._notes, []
+        peak, now = extremes.take(number)
+        self._unsafe, notices = now, list[Log]()
+        for piece in event.history:
+            if type(piece) is WorldNote:
+                notices.append(Log(piece.t, piece.text, Level.WARNING))
         if now != before:
             notices += [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
             notices += [
                 Log(event.t, f"{extremes.label(p)} is safe again") for p in sorted(before - now)
             ]
-        return Judged(event, notices, peak=extremes.take_peak())
+        return Judged(event, notices, peak=peak)
 
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
@@ -198,20 +218,18 @@ class Judge:
         self.extremes.set_apart(apart)
         self.coverage.turned(i, apart)
 
-    def _applied(self, event: InputApplied) -> Judged:
-        i, name = event.i, self._names[event.i]
-        # First: a report that never arrives must not leave it to the next input.
-        proven = self._proven.popleft()
+    def _applied(self, event: InputApplied, proven: Array) -> Judged:
+        i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
         telemetry, received, notices = self._report(i, event.k, event.t)
         origin = telemetry.report.origin
-        self._add_truth(i, event.k, event.t, event.u)
+        self.claims.add_truth(i, event.k, Claim(event.t + self._latency, u))
         self.assumptions.applied(event, telemetry)
         self.steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
             self.origins[origin] += 1
         step = AppliedStep(
-            u=tuple(event.u.tolist()),
-            oldest_input=max([age for _, age in telemetry.ages], default=None),
+            u=u,
+            oldest_input=max([age for _, age in ages]) if (ages := telemetry.ages) else None,
             certified=self.coverage.applied(i, event.t_apply, proven),
             **asdict(telemetry.report),
         )
@@ -221,7 +239,8 @@ class Judge:
 
     def _lost(self, event: InputLost) -> Judged:
         _, received, notices = self._report(event.i, event.k, event.sampled)
-        self._add_truth(event.i, event.k, event.sampled, event.u)
+        truth = Claim(event.sampled + self._latency, tuple(event.u.tolist()))
+        self.claims.add_truth(event.i, event.k, truth)
         self.assumptions.lost(event)
         notices += self._warn_once(event.t, f"agent {self._names[event.i]}: first input lost")
         return Judged(event, notices, received=received)
@@ -234,9 +253,6 @@ class Judge:
         lost = f"agent {name} is lost; its actuator holds its input"
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
 
-    def _add_truth(self, i: int, k: int, sampled: float, u: Array) -> None:
-        self.claims.add_truth(i, k, Claim(sampled + self._latency, tuple(u.tolist())))
-
     def _report(
         self, i: int, k: int, t: float
     ) -> tuple[Telemetry, list[tuple[Fate, Finding]], list[Log]]:
@@ -245,10 +261,14 @@ class Judge:
         self._rejected[i] = telemetry.rejected
         received = [(fate, self.claims.check(i, fate, t)) for fate in telemetry.fates]
         notices = list[Log]()
-        for sender in (self._names[fate.sender] for fate, found in received if found.false):
-            notices += self._warn_once(t, f"agent {sender}: first false broadcast")
-        notices += [self._conviction(i, t, found) for found in telemetry.convictions]
-        notices += [self._proof(i, t, *found) for found in telemetry.proofs]
+        for fate, found in received:
+            if found.false:
+                sender = self._names[fate.sender]
+                notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        for conviction in telemetry.convictions:
+            notices.append(self._conviction(i, t, conviction))
+        for evidence in telemetry.proofs:
+            notices.append(self._proof(i, t, *evidence))
         return telemetry, received, notices
 
     def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:

@@ -73,9 +73,9 @@ class Publisher:
         self._pace = (self._began, 0.0, 0.0)
         """Wall time, virtual time and real-time factor of its last measurement."""
 
-    def see(self, instant: Sequence[Judged]) -> None:
-        """Take the events of the next instant, and publish a frame."""
-        for judged in instant:
+    def see(self, events: Sequence[Judged]) -> None:
+        """Take the next events, and publish a frame."""
+        for judged in events:
             if type(judged.event) is StateReached:
                 self._t = judged.event.t
             if self._audience is not None:

@@ -1,11 +1,14 @@
 """Extremes of the true h of every pair, over all integration steps."""
 
+from collections import defaultdict
+
 import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.composition import ComposedSet
+from phalanx_plant.world.evaluation import EvaluatedSteps
 
 
 class _Violations:
@@ -55,12 +58,14 @@ class PairExtremes:
         """Largest h_tot so far."""
         self.worst_at = 0.0
         """Time of the largest h_tot [s]."""
-        self._peak = -np.inf
         self.largest = 0
         """The pair whose h was largest at the last step."""
-        self._unsafe: set[int] = set()
         self.h_tot = -np.inf
         """At the last step."""
+        self._peaks: dict[int, float] = {}
+        """By number of a history, its largest h_tot, the value before it included."""
+        self._unsafe: defaultdict[int, list[tuple[Array, Array, Index, Array]]] = defaultdict(list)
+        """By history, times, lengths, pairs and h of steps that left the safe set, if any did."""
 
     @property
     def worst_pair(self) -> str:
@@ -76,50 +81,53 @@ class PairExtremes:
         apart = ", set apart: there is no normal agent in it any more"
         return f"{self.label(pair)} left the safe set{apart if self._is_apart[pair] else ''}"
 
-    def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
-        """Add s integration steps.
-
-        Args:
-            times: of each [s], shape (s,).
-            pairs: relevant pairs, shape (r,): no other has a larger h, or one above zero.
-            h: of each, shape (s, r).
-            h_tot: of all, shape (s,).
-        """
+    def add(self, steps: EvaluatedSteps) -> None:
+        """Add integration steps."""
+        numbers, times, pairs, h, h_tot, *_ = steps
         at = int(h.argmax())
         if (highest := float(h.flat[at])) > self._largest_h:
             self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
-        self.largest, self.h_tot = int(pairs[h[-1].argmax()]), float(h_tot[-1])
+        self.largest = int(pairs[h[-1].argmax()])
         highest_at = int(h_tot.argmax())
         peak = float(h_tot[highest_at])
         if peak > self.worst_h_tot:
             self.worst_h_tot, self.worst_at = peak, float(times[highest_at])
-        self._peak = max(self._peak, peak)
-        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
+        for number, value in zip(numbers.tolist(), h_tot.tolist(), strict=True):
+            if number not in self._peaks:
+                self._peaks[number] = self.h_tot
+            if value > self._peaks[number]:
+                self._peaks[number] = value
+            self.h_tot = value
         if not peak <= 0.0:
-            self._add_unsafe(times, pairs, h)
+            self._keep_unsafe(steps)
         self._t = float(times[-1])
 
-    def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
-        unsafe = ~(h <= 0.0)
-        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
-        lengths, apart = np.diff(times, prepend=self._t), self._is_apart[pairs]
-        for violations, some in ((self._counted, ~apart), (self._apart, apart)):
-            if some.any():
-                violations.add(times, lengths, pairs[some], h[:, some], unsafe[:, some])
+    def _keep_unsafe(self, steps: EvaluatedSteps) -> None:
+        lengths = np.diff(steps.times, prepend=self._t)
+        for number in np.unique(steps.numbers).tolist():
+            own = steps.numbers == number
+            # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
+            if not steps.h_tot[own].max() <= 0.0:
+                part = steps.times[own], lengths[own], steps.pairs, steps.h[own]
+                self._unsafe[number].append(part)
+
+    def take(self, number: int) -> tuple[float, set[int]]:
+        """Return the largest h_tot in a history, and the pairs that were outside their safe sets.
+
+        The value of h_tot before it counts too.
+        """
+        outside = set[int]()
+        for times, lengths, pairs, h in self._unsafe.pop(number, ()):
+            unsafe, apart = ~(h <= 0.0), self._is_apart[pairs]
+            outside.update(pairs[unsafe.any(axis=0)].tolist())
+            for violations, some in ((self._counted, ~apart), (self._apart, apart)):
+                if some.any():
+                    violations.add(times, lengths, pairs[some], h[:, some], unsafe[:, some])
+        return self._peaks.pop(number, self.h_tot), outside
 
     def set_apart(self, pairs: Index) -> None:
         """Stop counting these pairs, which have no normal agent any more, against the verdict."""
         self._is_apart[pairs] = True
-
-    def take_peak(self) -> float:
-        """Return the largest h_tot since the last call, the value at that time included."""
-        peak, self._peak = self._peak, self.h_tot
-        return peak
-
-    def take_unsafe(self) -> set[int]:
-        """Return the pairs that were outside their safe sets since the last call."""
-        unsafe, self._unsafe = self._unsafe, set()
-        return unsafe
 
     def violations(self) -> list[Violation]:
         """Pairs with h > 0 at some step, the deepest first."""

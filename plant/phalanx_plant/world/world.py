@@ -21,6 +21,7 @@ from phalanx_plant.world.motion import Motion
 
 _MOST_STEPS = 4
 """Integration steps in one segment, at most."""
+_ORDINALS = np.arange(1.0, _MOST_STEPS + 1.0)
 
 
 class Segment(Struct, frozen=True):
@@ -48,7 +49,7 @@ class Segment(Struct, frozen=True):
     @property
     def times(self) -> Array:
         """End of each step [s], shape (s,)."""
-        found: Array = self.t + self.dt * np.arange(1.0, len(self.x) + 1)
+        found: Array = self.t + self.dt * _ORDINALS[: self.x.shape[0]]
         return found
 
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from phalanx_plant.judge import event_queue
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import Event, Instant, Sampled
+from phalanx_plant.world.events import Event, Sampled
 from phalanx_plant.world.world import DivergedError
 
 import phalanx
@@ -28,17 +28,15 @@ class Desk:
     """A judge that finds nothing, and an observer with room for so many events."""
 
     def __init__(self, room: int = 9) -> None:
-        self.seen, self.prepared = list[Event](), list[list[Event]]()
+        self.seen, self.batches = list[Event](), list[list[Event]]()
         self._room = room
 
-    def prepare(self, events: Sequence[Event]) -> None:
-        self.prepared.append(list(events))
+    def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+        self.batches.append(list(events))
+        judged += map(Judged, events)
 
-    def judge(self, instant: Instant, judged: list[Judged]) -> None:
-        judged += map(Judged, instant)
-
-    def write(self, instant: Sequence[Judged]) -> None:
-        for judged in instant:
+    def write(self, events: Sequence[Judged]) -> None:
+        for judged in events:
             if len(self.seen) == self._room:
                 raise RecordingError("the disk is full")
             self.seen.append(judged.event)
@@ -100,17 +98,17 @@ def test_the_last_events_wait_for_more_until_all_are_to_be_judged(
     assert desk.seen == events
 
 
-def test_events_are_prepared_in_batches_in_order_and_each_once():
+def test_events_are_judged_in_batches_in_order_and_each_once():
     desk = Desk(room=1000)
     queue, events = queue_of(desk), [Sampled(0, float(t)) for t in range(300)]
     for event in events[:-1]:
         queue.add([event])
-    for _ in range(150):
+    for _ in range(5):
         queue.judge_next()
     queue.add([events[-1]])
     queue.judge_all()
-    assert [event for some in desk.prepared for event in some] == desk.seen == events
-    assert 1 < max(map(len, desk.prepared)) < 150
+    assert [event for some in desk.batches for event in some] == desk.seen == events
+    assert 1 < max(map(len, desk.batches)) < 150
 
 
 def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
@@ -120,8 +118,8 @@ def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
     monkeypatch.setattr(event_queue.time, "thread_time", lambda: now[0])
 
     class Slow(Desk):
-        def prepare(self, events: Sequence[Event]) -> None:
-            super().prepare(events)
+        def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+            super().judge(events, judged)
             now[0] += sum(1e-3 for event in events if not 40.0 < event.t < 60.0)
 
     desk = Slow(room=1000)
@@ -130,7 +128,7 @@ def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
         queue.add([Sampled(0, float(t))])
     while queue:
         queue.judge_next(0.005)
-    sizes = [len(some) for some in desk.prepared]
+    sizes = [len(some) for some in desk.batches]
     assert sizes[0] == 5
     assert sum(sizes) == 200
     assert 5 < max(sizes) < 40
@@ -161,10 +159,10 @@ def test_the_result_of_a_run_does_not_depend_on_the_batches(
     assert result() == together
 
 
-def test_events_of_an_instant_before_one_that_fails_are_observed():
+def test_events_of_a_batch_before_one_that_fails_are_observed():
     class Broken(Desk):
-        def judge(self, instant: Instant, judged: list[Judged]) -> None:
-            super().judge(instant[:1], judged)
+        def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+            super().judge(events[:1], judged)
             raise DivergedError("h_tot", 0.0)
 
     desk = Broken()
@@ -177,7 +175,7 @@ def test_events_of_an_instant_before_one_that_fails_are_observed():
 
 def test_events_that_cannot_be_judged_after_a_failure_do_not_hide_it():
     class Broken(Desk):
-        def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
             raise DivergedError("h_tot", 0.0)
 
     with pytest.raises(KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.extremes import PairExtremes
 
 from phalanx.theory.safety.composition import ComposedSet
@@ -12,12 +13,15 @@ def pairs() -> ComposedSet:
     return swarm_of_scenario("unicycles").safe_set
 
 
-def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> None:
-    """Show a truth: the pairs' h by label ("1-2" as p1_2), all others -50."""
+def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> tuple[float, set[int]]:
+    """Show a history: the pairs' h by label ("1-2" as p1_2), all others -50; take its results."""
     table = np.full((len(times), len(labels())), -50.0)
     for name, values in h.items():
         table[:, labels().index(name[1:].replace("_", "-"))] = values
-    truth.add(np.array(times), np.arange(len(labels())), table, table.max(axis=1) + 0.01)
+    zeros, all_pairs = np.zeros(len(times), dtype=np.intp), np.arange(len(labels()))
+    h_tot, none = table.max(axis=1) + 0.01, np.zeros(0)
+    truth.add(EvaluatedSteps(zeros, np.array(times), all_pairs, table, h_tot, none, zeros == 0))
+    return truth.take(0)
 
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
@@ -38,17 +42,17 @@ def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
 
 def test_h_at_exactly_zero_is_safe():
     truth = PairExtremes(pairs())
-    seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
+    _, outside = seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
     assert truth.violations() == []
-    assert truth.take_unsafe() == set()
+    assert outside == set()
 
 
 def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
     truth = PairExtremes(pairs())
     departures = []
     for t, h in ((0.1, -0.005), (0.2, 0.1), (0.3, -1.0)):
-        seen(truth, [t], p1_2=[h])
-        departures.append(bool(truth.take_unsafe()))
+        _, outside = seen(truth, [t], p1_2=[h])
+        departures.append(bool(outside))
     assert truth.worst_h_tot > 0.0
     assert departures == [False, True, False]
 
@@ -60,14 +64,15 @@ def test_an_h_that_is_not_a_number_is_not_safe():
     assert [v.pair for v in truth.violations()] == ["1-2"]
 
 
-def test_the_peak_is_that_since_it_was_last_taken_the_value_then_included():
+def test_the_peak_is_that_of_a_history_and_of_the_value_before_it():
     truth = PairExtremes(pairs())
-    seen(truth, [0.1, 0.2], p1_2=[-1.0, -2.0])
-    assert truth.take_peak() == pytest.approx(-0.99)
-    seen(truth, [0.3, 0.4], p1_2=[-3.0, -2.5])
-    assert truth.take_peak() == pytest.approx(-1.99)
-    seen(truth, [0.5, 0.6], p1_2=[-3.0, -4.0])
-    assert truth.take_peak() == pytest.approx(-2.49)
+    for times, h, highest in (
+        ([0.1, 0.2], [-1.0, -2.0], -0.99),
+        ([0.3, 0.4], [-3.0, -2.5], -1.99),
+        ([0.5, 0.6], [-3.0, -4.0], -2.49),
+    ):
+        peak, _ = seen(truth, times, p1_2=h)
+        assert peak == pytest.approx(highest)
     assert truth.worst_h_tot == pytest.approx(-0.99)
 
 
@@ -92,12 +97,12 @@ def test_what_a_pair_does_once_it_is_set_apart_is_counted_apart():
     truth = PairExtremes(pairs())
     seen(truth, [0.1], p1_2=[0.5])
     truth.set_apart(np.array([0]))
-    seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
+    _, outside = seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
     (apart,) = truth.apart()
     assert (apart.pair, apart.first, apart.worst, apart.worst_at) == ("1-2", 0.2, 2.0, 0.2)
     found = [(each.pair, each.first, each.worst) for each in truth.violations()]
     assert found == [("1-2", 0.1, 0.5), ("3-5", 0.2, 0.25)]
-    assert truth.take_unsafe() == {0, labels().index("3-5")}
+    assert outside == {0, labels().index("3-5")}
     assert truth.left(0).startswith("1-2 left the safe set, set apart")
     assert truth.left(labels().index("3-5")) == "3-5 left the safe set"
 

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.judge.judge import Judge
+from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import (
     CommandApplied,
@@ -13,7 +13,7 @@ from phalanx_plant.world.events import (
     Sampled,
     StateReached,
 )
-from phalanx_plant.world.world import DisturbanceKnot, DivergedError
+from phalanx_plant.world.world import DisturbanceKnot, DivergedError, Segment
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
@@ -32,8 +32,7 @@ class ReportedTo(Judge):
         super().__init__(rows_of_scenario(name, *overrides), lambda i, k: self.reports.pop((i, k)))
 
     def happen(self, *events: Event) -> None:
-        """Prepare and judge these events."""
-        self.prepare(events)
+        """Judge these events."""
         self.judge(events, [])
 
 
@@ -139,9 +138,9 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     judge = judge_of()
     phi = np.zeros(15)
     phi[3:6] = 1.73 / np.sqrt(3)
-    judge.add([DisturbanceKnot(0.1, phi)])
+    judge.assumptions.add(DisturbanceKnot(0.1, phi))
     assert counted(judge, "disturbance bound") == (0, 1, None)
-    judge.add([DisturbanceKnot(0.2, (1.0 + 1e-6) * phi)])
+    judge.assumptions.add(DisturbanceKnot(0.2, (1.0 + 1e-6) * phi))
     assert counted(judge, "disturbance bound") == (1, 2, 0.2)
 
 
@@ -149,6 +148,7 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
     """Return steps with values of the first two pairs, without the others."""
     both = np.array([h, h]).T
     return EvaluatedSteps(
+        np.zeros(len(times), dtype=np.intp),
         np.array(times),
         np.arange(2),
         both,
@@ -188,7 +188,7 @@ def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
 def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     judge = judge_of()
     for t in (0.0, 0.001):
-        judge.add([steps([t], [h])])
+        judge.assumptions.moved(steps([t], [h]))
     assert counted(judge, "start in S")[:2] == (failed, 1)
 
 
@@ -197,14 +197,46 @@ def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
 def test_one_pair_makes_a_start_unsafe_though_it_gets_away_before_the_first_event(unsafe):
     judge, h = judge_of(), np.full((2, 2), -1.0)
     h[0, unsafe] = 0.1
-    judge.add([steps([0.0, 0.001], [-1.0, -1.0])._replace(h=h)])
+    judge.assumptions.moved(steps([0.0, 0.001], [-1.0, -1.0])._replace(h=h))
     assert counted(judge, "start in S") == (1, 1, 0.0)
 
 
 @pytest.mark.slow
 def test_one_step_without_an_h_tot_is_the_end():
+    both = steps([0.0, 0.001], [-1.0, -1.0]), steps([0.002, 0.003, 0.004], [-1.0, np.nan, -1.0])
+    numbered = both[1]._replace(numbers=np.array([4, 5, 5]))
+    assert judge_of().diverged(both[:1]) is None
+    number, error = judge_of().diverged([both[0], numbered]) or (0, None)
+    assert (number, str(error).partition(":")[0]) == (
+        5,
+        "h of 1-2 is no longer finite at t = 0.004 s",
+    )
+
+
+@pytest.mark.slow
+def test_what_happened_before_h_tot_is_no_number_is_judged_and_nothing_after_it():
+    judge, x = judge_of(), start_with(heading=0.0)
+    nothing, p = np.zeros(15), np.zeros((1, 5, 2))
+    begun = Segment(0.0, 0.01, 0.01, nothing, nothing, np.zeros(10), x, x[None], p)
+    ends = Segment(0.01, 0.01, 0.02, nothing, nothing, np.zeros(10), x, np.nan * x[None], p)
+    events = [StateReached(t, x, [way]) for t, way in ((0.01, begun), (0.02, ends), (0.03, begun))]
+    judged = list[Judged]()
     with pytest.raises(DivergedError):
-        judge_of().add([steps([0.0, 0.001, 0.002], [-1.0, np.nan, -1.0])])
+        judge.judge(events, judged)
+    assert [each.event for each in judged] == events[:1]
+
+
+@pytest.mark.slow
+def test_a_report_that_does_not_arrive_leaves_the_other_events_to_be_judged():
+    judge, x = judge_of(), start_with(heading=0.0)
+    judge.reports[1, 0] = report()
+    inputs = [InputApplied(i, 0, 0.0, 0.0, np.zeros(2), x) for i in (0, 1)]
+    judged = list[Judged]()
+    with pytest.raises(KeyError):
+        judge.judge([*inputs, StateReached(0.01, x, [])], judged)
+    assert [type(each.event) for each in judged] == [InputApplied, StateReached]
+    assert judged[0].event is inputs[1]
+    assert judge.steps == 1
 
 
 @pytest.mark.slow
@@ -229,7 +261,7 @@ def test_what_a_guarantee_rests_on():
 def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
     judge = judge_of()
     for resolved in (True, False):
-        judge.add([steps([0.1], [-1.0])._replace(resolved=np.array([resolved]))])
+        judge.assumptions.moved(steps([0.1], [-1.0])._replace(resolved=np.array([resolved])))
         assert ("resolved motion" in [a.name for a in judge.assumptions.of_guarantee]) != resolved
     assert counted(judge, "resolved motion") == (1, 2, 0.1)
 
@@ -316,7 +348,7 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
     judge = ReportedTo("formation3d")
 
     def see(times: list[float], psi: list[float]) -> None:
-        judge.add([steps(times, [-50.0] * len(times), psi)])
+        judge.assumptions.moved(steps(times, [-50.0] * len(times), psi))
 
     see([0.0, 0.1], [-3.0, 0.0])
     assert counted(judge, "stayed in S_I") == (0, 2, None)
@@ -328,7 +360,7 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
 @pytest.mark.slow
 def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
     judge = judge_of()
-    judge.add([steps([0.0], [-1.0])])
+    judge.assumptions.moved(steps([0.0], [-1.0]))
     assert "stayed in S_I" not in [a.name for a in judge.assumptions.of_theorem]
 
 

@@ -231,13 +231,11 @@ class Watched(EventQueue):
         super().add(instant)
         self.added += instant
 
-    def observe(self, instant: Sequence[Judged]) -> None:
-        self.judged += [judged.event for judged in instant]
+    def observe(self, events: Sequence[Judged]) -> None:
+        self.judged += [judged.event for judged in events]
 
-    def prepare(self, events: Sequence[Event]) -> None: ...
-
-    def judge(self, instant: Instant, judged: list[Judged]) -> None:
-        judged += map(Judged, instant)
+    def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+        judged += map(Judged, events)
 
 
 class PausedNowAndThen(CommandQueue):

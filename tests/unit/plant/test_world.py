@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from phalanx_plant.world.disturbance import RandomDisturbance
-from phalanx_plant.world.evaluation import EvaluatedSteps, Evaluation
+from phalanx_plant.world.evaluation import Evaluation
 from phalanx_plant.world.world import DisturbanceKnot, World
 from scipy.integrate import solve_ivp
 
@@ -114,15 +114,15 @@ def test_h_is_evaluated_at_every_step_of_at_most_a_millisecond():
     rows = rows_of_scenario("unicycles")
     own = world(rows)
     own.advance(0.45)
-    (found,) = Evaluation(rows).of([own.take_history()])
+    history = own.take_history()
     assert own.take_history() == []
-    evaluated = [s for s in found if isinstance(s, EvaluatedSteps)]
+    evaluated = list(Evaluation(rows).of([history]))
     steps = np.concatenate([s.times for s in evaluated])
     assert steps[0] == 0.0
     assert steps[-1] == pytest.approx(0.45)
     assert np.diff(steps).max() <= 1e-3 * (1 + 1e-9)
     assert np.diff(steps).min() > 0
-    knots = [s.t for s in found if isinstance(s, DisturbanceKnot)]
+    knots = [s.t for s in history if isinstance(s, DisturbanceKnot)]
     assert knots == pytest.approx([0.0, 0.2, 0.4])
     p = own.x.reshape(5, 3)
     output = p[:, :2] + 0.25 * np.stack([np.cos(p[:, 2]), np.sin(p[:, 2])], axis=1)
