@@ -130,20 +130,19 @@ class SwarmCertificates:
         involved = [l for l in (a, b) if l < len(swarm.members)]
         text = self.pairs.kind_of(a, b).text
         key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
-        if key not in swarm.compiled:
-            alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
-            bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
+        alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
+        bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
 
-            def compiled() -> _Kind:
-                highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
-                made = pair_certificate(alone, own, alphas, bounds, tau)
-                return _Kind(made, highest, alone.sizes)
+        def compiled() -> _Kind:
+            highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
+            made = pair_certificate(alone, own, alphas, bounds, tau)
+            return _Kind(made, highest, alone.sizes)
 
+        def of_process() -> _Kind:
             # Another run of this process may have had such a pair.
-            key_of_all = text, _limits_text(alone, alphas), own, *bounds, tau
-            swarm.compiled[key] = kept(key_of_all, compiled)
-        found: _Kind = swarm.compiled[key]
-        return found
+            return kept((text, _limits_text(alone, alphas), own, *bounds, tau), compiled)
+
+        return swarm.shared(key, of_process)
 
 
 def _limits_text(pair: ComposedSet, alphas: Sequence[ClassK]) -> str:

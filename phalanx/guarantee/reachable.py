@@ -3,6 +3,7 @@
 In swarms of hundreds, an agent's certificates are then evaluated for its neighbours alone.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -51,11 +52,12 @@ class ReachableBoxes:
             if isinstance(obstacle, Sphere):
                 self._low[k] = self._high[k] = obstacle.center
         self._groups = []
-        for group in scenario.agents:
+        for number, group in enumerate(scenario.agents):
             own = np.array([i for i, other in enumerate(swarm.groups) if other is group])
             horizon = MULTIPLES[0] * tau + self._lasting
             states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
-            box = _box(swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
+            made = partial(_box, swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
+            box = swarm.shared(("reachable box", number, horizon), made)
             self._groups.append(_Group(own, states, box))
 
     def near(self, i: int, others: Index, t: float, x: Array) -> Array:

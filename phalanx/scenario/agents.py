@@ -1,6 +1,6 @@
 """The [[agents]] tables: groups of agents with dynamics, law, goals, clock and disturbance."""
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Any, Literal, Self
 
 import casadi as ca
@@ -20,6 +20,8 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.schema.registry import is_users
+from phalanx.schema.user_code import names_user_code
+from phalanx.theory.expressions.kept import kept, kept_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
 from phalanx.theory.laws.goals import Follow, Reference
@@ -139,10 +141,10 @@ class AgentGroup(Strict):
     def _resolve(self) -> Self:
         self._dynamics = built("dynamics", Dynamics, self.dynamics)
         try:
-            require_sound(self._dynamics)
+            kept_for([self._dynamics], "sound", partial(require_sound, self._dynamics))
         except MistakenMethodError as error:
             raise field_error(("dynamics",), error.expected, Unquoted(error.got)) from error
-        self._law = self.fresh_law()
+        self._law = self.fresh_law() if self._names_user_code else self.law_object()
         if self.controller is not None:
             if self.role == "adversary":
                 message = "expected none for adversaries, whose law is the attack"
@@ -231,4 +233,11 @@ class AgentGroup(Strict):
 
     def law_object(self) -> Law:
         """Return one agent's law, prepared; a user's law may have a state, built-in ones do not."""
+        if not self._names_user_code:
+            # In each thread another: a compiled law writes to buffers.
+            return kept(("law", repr(self.law), repr(self.dynamics)), self.fresh_law)
         return self.fresh_law() if is_users(self.law) else self._law
+
+    @property
+    def _names_user_code(self) -> bool:
+        return names_user_code([self.law, self.dynamics])

@@ -7,6 +7,7 @@ applied.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -67,8 +68,19 @@ class SafetyRows:
 
     def with_scenario(self, scenario: Scenario) -> "SafetyRows":
         """Return the rows of a scenario with the same compiled_fields; functions are shared."""
-        other = replace(self, swarm=self.swarm.with_scenario(scenario))
-        vars(other).update({name: value for name, value in vars(self).items() if name != "swarm"})
+        swarm, known = self.swarm.with_scenario(scenario), vars(self)
+        other = replace(self, swarm=swarm)
+        views = {i: view.with_scenario(scenario) for i, view in self._views.items()}
+        if swarm.pairs is self.swarm.pairs:
+            vars(other).update({**known, "swarm": swarm, "_views": views})
+            return other
+        # The chain and local bounds contain the obstacles' numbers, and are built again.
+        moved: dict[str, Any] = {
+            name: known[name].with_pairs(swarm.pairs)
+            for name in ("composed", "_by_derivatives", "pair_psi")
+            if name in known
+        }
+        vars(other).update({**moved, "_local_bounds": {}, "_views": views})
         return other
 
     def seen_by(self, i: int) -> "SafetyRows":
@@ -82,9 +94,7 @@ class SafetyRows:
         if i not in self._views:
             view = build_rows(swarm.seen_by(i))
             self._views[i] = replace(view, _row_functions=self._row_functions)
-        view = self._views[i]
-        same = view.swarm.scenario is swarm.scenario
-        return view if same else view.with_scenario(swarm.scenario)
+        return self._views[i]
 
     @property
     def relative_degree(self) -> int:

@@ -6,6 +6,7 @@ no number. Also compilation of the functions that agents share, before the first
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -19,6 +20,7 @@ from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.expressions.kept import kept_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
 from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.margins.integrated import RowPart
@@ -55,11 +57,12 @@ def shared_rows(scenario: Scenario) -> SafetyRows:
         return require_runnable(build_swarm(scenario))
     fields = compiled_fields(scenario)
     if fields in _shared:
-        return with_scenario(_shared[fields], scenario)
-    rows = require_runnable(build_swarm(scenario))
-    if len(_shared) == _MOST_SHARED:
-        del _shared[next(iter(_shared))]
-    _shared[fields] = rows
+        rows = with_scenario(_shared[fields], scenario)
+    else:
+        rows = require_runnable(build_swarm(scenario))
+        if len(_shared) == _MOST_SHARED:
+            del _shared[next(iter(_shared))]
+    _shared[fields] = rows  # the newest has all that was compiled so far
     return rows
 
 
@@ -217,19 +220,26 @@ def require_dynamics(dynamics: Dynamics, states: Sequence[Array], where: str = "
 
     The input polytope is checked at the first. where: the states' name in the message, "the start".
     """
-    symbol = ca.SX.sym("x", len(states[0]))
-    methods = ("drift", "actuation", "position")
-    values = [ca.densify(ca.SX(getattr(dynamics, method)(symbol))) for method in methods]
-    evaluate = ca.Function("f", [symbol], values)
+    evaluate = kept_for([dynamics], "methods", partial(_methods, dynamics))
     for x in states:
-        for method, value in zip(methods, evaluate(x), strict=True):
+        for method, value in zip(_METHODS, evaluate(x), strict=False):
             _require_finite(dynamics, method, x, np.array(value), where)
-    _require_polytope(dynamics, symbol, states[0], where)
+    A, b = map(np.array, evaluate(states[0])[-2:])
+    _require_polytope(dynamics, states[0], A, b, where)
 
 
-def _require_polytope(dynamics: Dynamics, symbol: ca.SX, x: Array, where: str) -> None:
-    sides = [ca.densify(ca.SX(side)) for side in dynamics.input_polytope(symbol)]
-    A, b = (np.array(side) for side in ca.Function("f", [symbol], sides)(x))
+_METHODS = ("drift", "actuation", "position")
+
+
+def _methods(dynamics: Dynamics) -> ca.Function:
+    """x -> the results of all methods, with A and b of U last."""
+    x = ca.SX.sym("x", len(dynamics.states))
+    values = [getattr(dynamics, method)(x) for method in _METHODS]
+    outputs = [ca.densify(ca.SX(value)) for value in (*values, *dynamics.input_polytope(x))]
+    return ca.Function("f", [x], outputs)
+
+
+def _require_polytope(dynamics: Dynamics, x: Array, A: Array, b: Array, where: str) -> None:
     for side in (A, b):
         _require_finite(dynamics, "input_polytope", x, side, where)
     try:

@@ -26,6 +26,7 @@ from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.models.world import moves_by_itself
 from phalanx.theory.rows.information import InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
+from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
 
 T = TypeVar("T")
@@ -73,7 +74,11 @@ class Swarm:
 
     def with_scenario(self, scenario: Scenario) -> "Swarm":
         """Return the swarm of a scenario with the same compiled_fields; functions are shared."""
-        other = replace(self, scenario=scenario)
+        other, static = replace(self, scenario=scenario), scenario.static
+        if static != self.safe_set.obstacles:
+            safe_set = replace(self.safe_set, obstacles=static)
+            pairs = self.pairs.with_obstacles(static)
+            other = replace(other, safe_set=safe_set, pairs=pairs, _built={})
         for name in ("_positions", "_outputs"):
             vars(other)[name] = getattr(self, name)
         return other
@@ -95,13 +100,22 @@ class Swarm:
         return self.links.seeds
 
     def once(self, build: "Callable[[Swarm], T]") -> T:
-        """Return build(swarm), made when first asked for; swarms by with_scenario share it.
+        """Return build(swarm), made when first asked for; swarms with equal obstacles share it.
 
-        What is built must depend on compiled_fields alone, and keep no state.
+        What is built must depend on obstacles and compiled_fields alone, and keep no state.
         """
         if build not in self._built:
             self._built[build] = build(self)
         return cast(T, self._built[build])
+
+    def shared(self, key: object, make: Callable[[], T]) -> T:
+        """Return make(), or what it made for an equal key; swarms by with_scenario share it.
+
+        What is made must depend on the key and compiled_fields alone, and keep no state.
+        """
+        if key not in self.compiled:
+            self.compiled[key] = make()
+        return cast(T, self.compiled[key])
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -299,8 +313,9 @@ class Swarm:
 def compiled_fields(scenario: Scenario) -> str:
     """Return as JSON all fields on which the compiled functions of a run depend.
 
-    Not those of starts, laws, messages, faults and seeds.
+    Not those of starts, laws, messages, faults and seeds, nor the numbers of spheres.
     """
+    spheres = [k for k, each in enumerate(scenario.obstacles) if isinstance(each, Sphere)]
     drawn: dict[str, Any] = {
         "start": True,
         "spread": True,
@@ -311,6 +326,7 @@ def compiled_fields(scenario: Scenario) -> str:
         **dict.fromkeys(("name", "description", "reading", "attack"), True),
         **dict.fromkeys(("duration", "seed", "reseed", "network", "faults"), True),
         "agents": {"__all__": drawn},
+        "obstacles": {k: {"center", "clearance"} for k in spheres},
     }
     return scenario.model_dump_json(exclude=free)
 

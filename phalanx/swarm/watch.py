@@ -147,11 +147,8 @@ def _stale(swarm: Swarm, i: int) -> dict[int, float]:
 def motion_check(swarm: Swarm, l: int) -> MotionCheck:
     """Return the motion check of agent l, compiled once for its group."""
     key = "motion check", swarm.group_numbers[l]
-    if key not in swarm.compiled:
-        bound = swarm.groups[l].disturbance.bound + DEFECT
-        swarm.compiled[key] = MotionCheck(swarm.members[l].dynamics, bound)
-    found: MotionCheck = swarm.compiled[key]
-    return found
+    bound = swarm.groups[l].disturbance.bound + DEFECT
+    return swarm.shared(key, lambda: MotionCheck(swarm.members[l].dynamics, bound))
 
 
 def covering(

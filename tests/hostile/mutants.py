@@ -241,8 +241,12 @@ MUTANTS = (
     Mutant("a searched row counted", "phalanx/studies/row.py", '~pl.col("searched") & ', "",
            "tests/unit/studies/test_groups.py"),
     Mutant("seeds that share what they drew", "phalanx/swarm/rows.py",
-           "other = replace(self, swarm=self.swarm.with_scenario(scenario))",
-           "other = replace(self)",
+           "swarm, known = self.swarm.with_scenario(scenario), vars(self)",
+           "swarm, known = self.swarm, vars(self)",
+           "tests/unit/studies/test_work.py"),
+    Mutant("obstacles of an earlier run", "phalanx/theory/safety/pairs.py",
+           "other.parameters = np.concatenate([np.zeros(0), *map(parameters_of, obstacles)])",
+           "pass",
            "tests/unit/studies/test_work.py"),
 )  # fmt: skip
 

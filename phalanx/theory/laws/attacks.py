@@ -4,6 +4,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from annotated_types import Ge, Le, MinLen
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.kept import kept_for
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import (
     Gains,
@@ -105,7 +107,10 @@ def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
     for each in dynamics:
         if each not in different:
             different.append(each)
-    compiled = [OutputDerivatives(each) for each in different]
+    compiled = [
+        kept_for([each], "output derivatives", partial(OutputDerivatives, each))
+        for each in different
+    ]
     return [compiled[different.index(each)] for each in dynamics]
 
 
@@ -122,8 +127,11 @@ class _Team:
             Sphere(o.center, guard.obstacle_clearance) if isinstance(o, Sphere) else o
             for o in obstacles
         ]
-        pairs = SwarmPairs(team, around, Separation(guard.radius), len(guard.alpha))
-        swarm = SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
+        # All agents of the team, and other runs, have the same functions.
+        kinds = [o if not isinstance(o, Sphere) else len(o.center) for o in around]
+        dynamics, make = [m.dynamics for m in team], partial(_terms_of, guard, team, around)
+        known = kept_for([guard, *dynamics], ("team", repr(kinds)), make)
+        swarm = known.with_pairs(known.pairs.with_obstacles(around))
         self._terms = swarm.of(self._self, None, ComposedMargin(guard.eta))
         self._states = swarm.members.states
         self._terms.compile()
@@ -138,6 +146,11 @@ class _Team:
         terms = self._terms(stacked, seen)
         row = split_row(terms, self._self, seen)
         return decide(terms, self._self, row, u_nom, self._qp, _AUTHORITY).u
+
+
+def _terms_of(guard: Guard, team: Sequence[Member], around: Sequence[Obstacle]) -> SwarmTerms:
+    pairs = SwarmPairs(team, around, Separation(guard.radius), len(guard.alpha))
+    return SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
 
 
 _AUTHORITY = 0.01
@@ -188,7 +201,8 @@ class WorstLookahead:
         for l, member in enumerate(members):
             if l == i or not member.adversary:
                 same = (each for each in motions.values() if each.dynamics == member.dynamics)
-                motions[l] = next(same, None) or _Motion(member.dynamics, self.horizon)
+                make = partial(_Motion, member.dynamics, self.horizon)
+                motions[l] = next(same, None) or kept_for([member.dynamics], self.horizon, make)
         joined._motions = motions
         return joined
 

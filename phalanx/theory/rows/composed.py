@@ -4,6 +4,7 @@ The cost does not grow with the swarm: only pairs in sight are evaluated, kind b
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import casadi as ca
@@ -21,6 +22,7 @@ from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.function import Static
 from phalanx.theory.safety.jets import LogSumExpJets
+from phalanx.theory.safety.kinds import with_symbols
 from phalanx.theory.safety.pairs import SwarmPairs
 
 NO_MARGIN = ComposedMargin(0.0)
@@ -43,6 +45,12 @@ class SwarmTerms:
         self.everyone = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
         self.in_sight = ObstaclesInSight(pairs.obstacles)
+
+    def with_pairs(self, pairs: SwarmPairs) -> "SwarmTerms":
+        """The same functions for pairs by SwarmPairs.with_obstacles."""
+        other = copy(self)
+        other.pairs, other._by_jets = pairs, self._by_jets.with_pairs(pairs)
+        return other
 
     def of(
         self,
@@ -127,11 +135,11 @@ class ComposedTerms:
         return self._choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
 
     def _choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
-        near = self._near(x[self._own])[0] if self._near else None
+        pairs = self._swarm.pairs
+        near = self._near(x[self._own], pairs.parameters)[0] if self._near else None
         key = seen, b"" if near is None else near.tobytes()
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
-            pairs = self._swarm.pairs
             chosen = pairs.choose(pairs.among(seen, around))
             self._key, self._function = key, ComposedFunction(self._by_kind, seen, chosen)
         return self._function
@@ -176,7 +184,10 @@ class ObstaclesInSight:
         self._compiled: list[tuple[Dynamics, float, CompiledFunction]] = []
 
     def of(self, dynamics: Dynamics, radius: float | None) -> CompiledFunction | None:
-        """x_i -> 1 for each obstacle within the radius [m], else 0; None if all of them count."""
+        """(x_i, parameters of all obstacles) -> 1 for each within the radius [m], else 0.
+
+        None if all of them count.
+        """
         if radius is None or not self._obstacles:
             return None
         for known, its_radius, function in self._compiled:
@@ -184,7 +195,8 @@ class ObstaclesInSight:
                 return function
         x = ca.SX.sym("x", len(dynamics.states))
         p = dynamics.position(x)
-        near = [obstacle.distance(p) <= radius for obstacle in self._obstacles]
-        function = CompiledFunction([x], [ca.vertcat(*near)])
+        obstacles, parameters = zip(*map(with_symbols, self._obstacles), strict=True)
+        near = [obstacle.distance(p) <= radius for obstacle in obstacles]
+        function = CompiledFunction([x, ca.vertcat(*parameters)], [ca.vertcat(*near)])
         self._compiled.append((dynamics, radius, function))
         return function

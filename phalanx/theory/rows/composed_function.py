@@ -6,7 +6,8 @@ of kinds only, and serves all agents that see as many of each kind.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -57,6 +58,13 @@ class TermsByKind(ABC):
             [np.zeros(pairs.states), pairs.parameters, members.corners]
         )
         """A function's numbers: the state, obstacles' parameters and the corners of each U."""
+
+    def with_pairs(self, pairs: SwarmPairs) -> Self:
+        """The same functions for pairs by SwarmPairs.with_obstacles."""
+        other, numbers = copy(self), self.numbers.copy()
+        numbers[pairs.states : pairs.states + len(pairs.parameters)] = pairs.parameters
+        other.pairs, other.numbers = pairs, numbers
+        return other
 
     @abstractmethod
     def room(self, count: int) -> int:

@@ -147,11 +147,12 @@ class OwnPairTerms:
             symbols: values of those in the margins.
         """
         seen = range(len(self._swarm.members)) if seen is None else seen
-        near = self._near(x[self._own])[0] if self._near else None
+        parameters = self._swarm.parameters
+        near = self._near(x[self._own], parameters)[0] if self._near else None
         key = tuple(seen), tuple(sharing), b"" if near is None else near.tobytes()
         if self._chosen is None or self._chosen.key != key:
             self._chosen = self._choose(key, seen, near, sharing, len(symbols))
-        numbers = np.concatenate([x, self._swarm.parameters, symbols])
+        numbers = np.concatenate([x, parameters, symbols])
         for group in self._chosen.groups:
             group.rows(numbers)
         return self._terms(self._chosen)

@@ -15,6 +15,7 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.portable import factor_out
+from phalanx.theory.expressions.user_methods import is_built_in
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction, Static
@@ -122,6 +123,8 @@ def _of_spheres(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
     """
     try:
         pair = with_any_sphere(a, spheres[0], function)
+        if is_built_in(function):
+            return pair
         of_any = ca.Function("h", [pair.x, pair.parameters], [pair.h])
         for sphere in spheres:
             h = function.to_obstacle(pair.bodies[0], sphere)
@@ -138,9 +141,17 @@ def _of_spheres(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
 
 def with_any_sphere(a: Member, like: Sphere, function: SafeSetFunction) -> ComposedSet:
     """The pair of a normal member and a sphere of symbols, with as many dimensions as `like`."""
-    center, clearance = ca.SX.sym("center", len(like.center)), ca.SX.sym("clearance")
+    sphere, numbers = with_symbols(like)
+    return of_pair(a, sphere, function, numbers)
+
+
+def with_symbols(obstacle: Static) -> tuple[Static, ca.SX]:
+    """The obstacle with symbols in place of its parameters; and the symbols, shape (k,)."""
+    if not isinstance(obstacle, Sphere):
+        return obstacle, ca.SX(0, 1)
+    center, clearance = ca.SX.sym("center", len(obstacle.center)), ca.SX.sym("clearance")
     sphere = Sphere(tuple(ca.vertsplit(center)), clearance)  # type: ignore[arg-type]
-    return of_pair(a, sphere, function, ca.vertcat(center, clearance))
+    return sphere, ca.vertcat(center, clearance)
 
 
 def parameters_of(obstacle: Static) -> Array:

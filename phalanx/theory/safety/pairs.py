@@ -4,6 +4,7 @@ A pair is a row (a, b): a normal member a, and another member b or N + k for obs
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -57,6 +58,13 @@ class SwarmPairs:
         """First place of each member's state and of each obstacle's parameters."""
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
         """First place of each member's input in the stack of all."""
+
+    def with_obstacles(self, obstacles: Sequence[Static]) -> "SwarmPairs":
+        """The same pairs with obstacles of which at most the numbers of spheres differ."""
+        other = copy(self)
+        other.obstacles = obstacles
+        other.parameters = np.concatenate([np.zeros(0), *map(parameters_of, obstacles)])
+        return other
 
     def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot among these members and obstacles, shape (r, 2).
@@ -245,6 +253,12 @@ class PairFunctions:
         self._swarm, self._make = swarm, make
         self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
         self._made: dict[tuple[int, ...], MappedFunction] = {}
+
+    def with_pairs(self, pairs: SwarmPairs) -> "PairFunctions":
+        """The same functions for pairs by SwarmPairs.with_obstacles."""
+        other = copy(self)
+        other._swarm = pairs
+        return other
 
     def choose(self, pairs: Index) -> "ChosenFunctions":
         """Choose pairs to evaluate together, shape (r, 2)."""

@@ -87,7 +87,7 @@ class Assumptions:
         """Assumptions that a world of the scenario's says have failed."""
         self._in_force: dict[int, float] = {}
         """Time at which each agent's input took effect [s]."""
-        self._actuators = Actuators(swarm)
+        self._actuators = swarm.shared(Actuators, lambda: Actuators(swarm))
         self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
         """Zeros that actuators hold, for agents that have had no input."""
         self._sampled: dict[int, tuple[float, Array]] = {}

@@ -44,8 +44,9 @@ class Evaluation:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
         self._pairs = RelevantPairs(swarm, self._psi.functions)
-        self._resolution = swarm.once(Resolution)
-        self._sum = LogSumExp(swarm.safety.rho, len(swarm.safe_set.pairs))
+        self._resolution = swarm.shared(Resolution, lambda: Resolution(swarm))
+        rho, pairs = swarm.safety.rho, len(swarm.safe_set.pairs)
+        self._sum = swarm.shared((LogSumExp, pairs), lambda: LogSumExp(rho, pairs))
 
     def of(self, histories: Sequence[History]) -> Iterator[EvaluatedSteps]:
         """Evaluate the steps of consecutive histories, in their order."""

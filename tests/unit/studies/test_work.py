@@ -1,5 +1,6 @@
 """Runs of one point share what is compiled; each has the bits of a run by itself."""
 
+import casadi as ca
 import pytest
 
 import phalanx
@@ -23,6 +24,24 @@ def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
         assert row.shortest == run.summary.certificates.shortest
         assert row.outcome == run.verdict
     assert rows[0].trajectory != rows[1].trajectory
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", layered(("unicycles", "guaranteed", "swarm"), ("unicycles",)))
+def test_a_run_with_another_seed_builds_no_function(scenario, monkeypatch):
+    """Obstacles and starts of `swarm` are drawn for each seed."""
+    built, make = list[str](), ca.Function.__init__
+
+    def counted(self: ca.Function, *arguments: object) -> None:
+        make(self, *arguments)
+        built.append(self.name())
+
+    monkeypatch.setattr(ca.Function, "__init__", counted)
+    table = read_table(scenario)
+    for seed in (0, 1):
+        built.clear()
+        compute(Job(table, {"duration": 0.05}, (Identity("", seed, "", ""),)))
+    assert built == []
 
 
 @pytest.mark.nightly
@@ -49,14 +68,17 @@ def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
         {"agents.0.spread": [0.3] * states},
         {"agents.0.disturbance": {"bound": bound, "kind": "adverse"}},
         {"agents.0.law": {"type": "script", "at": [0.0], "inputs": [[0.2, 0.1]]}, "seed": 3},
+        {"obstacles": [{"center": [5.6, 0.6], "clearance": 0.9}]},
+        {"obstacles": [{"center": [5.4, -0.9], "clearance": 1.1}]},
         {"faults": [{"kind": "turn", "agents": names[:1], "at": 0.02}]},
         {"faults": [{"kind": "hold", "from": names[0], "at": 0.02, "for": 0.1}], "duration": 0.15},
     )
-    found = set()
+    found = list[str]()
     for change in changes:
         overrides = {"duration": 0.1, **change}
         (row,) = compute(Job(table, overrides, (Identity("", 0, "", ""),)))
         run = phalanx.run(phalanx.load(scenario, overrides, 0), engine="in-process")
         assert row.trajectory == run.summary.trajectory
-        found.add(row.trajectory)
-    assert len(found) > 2
+        assert row.shortest == run.summary.certificates.shortest
+        found.append(row.trajectory)
+    assert len({*found}) > 3
