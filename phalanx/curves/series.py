@@ -40,13 +40,10 @@ class Series(NamedTuple):
 
 
 def kept(y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bool = True) -> Index:
-    """Choose the values, by index, through which y, shape (s,), is drawn.
+    """Choose the values of y, shape (s,), through which it is drawn, by index; NaN is a gap.
 
-    Args:
-        y: values; NaN is a gap.
-        most: number of values kept.
-        highest: whether the largest value of every block is kept, so that each peak is seen.
-        lowest: likewise the smallest.
+    most: number of values kept. highest, lowest: whether the largest, the smallest value of every
+    block is kept, so that each peak is seen.
     """
     if len(y) <= most:
         return np.arange(len(y))
@@ -180,15 +177,10 @@ def lanes(
     history: History, steps: Sequence[AgentSeries], taus: Sequence[float],
     span: tuple[float, float], now: float, most: int,
 ) -> Lanes:  # fmt: skip
-    """Compute every agent's lane.
+    """Compute every agent's lane over a span of time, in so many intervals at most.
 
-    Args:
-        history: of the run.
-        steps: of every agent.
-        taus: longest time without a step before each agent counts as silent [s].
-        span: begin and end of the diagram [s].
-        now: the latest time known of the run [s].
-        most: intervals at most.
+    taus: longest time without a step before each agent counts as silent. now: the latest time known
+    of the run. All times in [s].
     """
     intervals = int(np.clip(max(len(s.t) for s in steps), 1, most))
     shape, (begin, end) = (len(steps), intervals), span

@@ -55,9 +55,8 @@ class PairCertificate:
     def times(self, pairs: Array, u: Array) -> Array:
         """Return the times for which h <= 0 is proven from now on [s], shape (r,); 0 if not proven.
 
-        Args:
-            pairs: states of each pair's members in order, and its obstacle's numbers; (r, n).
-            u: the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
+        pairs: states of each pair's members in order, and its obstacle's numbers, shape (r, n). u:
+        the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
         """
         best, u = np.zeros(len(pairs)), np.broadcast_to(u, (len(pairs), u.shape[-1]))
         if self.proven is None:

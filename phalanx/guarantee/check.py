@@ -50,8 +50,7 @@ _MOST_NAMES = 8
 def check(scenario: Scenario) -> CheckReport:
     """Check a scenario without running it.
 
-    Raises:
-        ScenarioError: the safe set cannot be built, as when relative degrees are mixed.
+    Raises ScenarioError if the safe set cannot be built, as when relative degrees are mixed.
     """
     swarm = build_swarm(scenario)
     rows, x, box = require_runnable(swarm), swarm.start(), workspace(swarm)

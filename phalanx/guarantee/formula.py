@@ -116,8 +116,7 @@ class Formula(NamedTuple):
 def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
     """Compute η from the constants of one chain: of h_tot, or of a pair.
 
-    Raises:
-        ValueError: a member's input polytope depends on its state.
+    Raises ValueError if a member's input polytope depends on its state.
     """
     swarm, composed = rows.swarm, rows.swarm.safe_set
     places = [swarm.names.index(m.name) for m in chain.set.members]
@@ -144,15 +143,9 @@ def worst_pair(rows: SafetyRows, region: Region) -> Formula:
 
 
 def constants(chain: Chain, region: Region, bounds: Sequence[float]) -> dict[str, Constant]:
-    """c_f, c_g, c_alpha, c_gamma, c_h, u_max and mu of one chain.
+    """c_f, c_g, c_alpha, c_gamma, c_h, u_max and mu of one chain, over a region of its state.
 
-    Args:
-        chain: of h_tot, or of a pair.
-        region: of its stacked state.
-        bounds: φ_l^max of each member.
-
-    Raises:
-        ValueError: a member's input polytope depends on its state.
+    bounds: φ_l^max of each member. Raises ValueError as formula does.
     """
     polytopes = _polytopes(chain)
     normal = [l for l, m in enumerate(chain.set.members) if not m.adversary]

@@ -123,13 +123,7 @@ class ProvenFilter:
     """A filter whose inputs the agent's own certificates cover until its next sample, if any do."""
 
     def __init__(self, rows: SafetyRows, i: int, first: RowFilter) -> None:
-        """Prove the inputs of another filter.
-
-        Args:
-            rows: of the swarm as agent i knows it.
-            i: a normal agent.
-            first: makes the input to prove.
-        """
+        """Prove inputs of normal agent i's first filter; rows: as that agent knows the swarm."""
         self._first, self._pairs = first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
         self.proofs = OwnProofs(rows, i, rows.swarm.horizon(i))

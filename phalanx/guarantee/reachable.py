@@ -63,11 +63,8 @@ class ReachableBoxes:
     def near(self, i: int, others: Index, t: float, x: Array) -> Array:
         """Return which others agent i may meet within a certificate's longest horizon, shape (r,).
 
-        Args:
-            i: an agent.
-            others: members, or N + k for obstacle k, shape (r,).
-            t: now [s], not before the last call.
-            x: the true stacked state, shape (n̄,).
+        others: members, or N + k for obstacle k, shape (r,). t: now [s], not before the last call.
+        x: the true stacked state, shape (n̄,).
         """
         if t > self._until:
             self._until = t + self._lasting

@@ -36,14 +36,10 @@ class PlaceRefusedError(HubError):
 def request_place(membership: Membership, digest: str) -> Iterator[Membership | None]:
     """Wait for a free place and yield its membership; None if the run ends before.
 
-    A TLS identity that comes with it lies in a temporary folder for the time of the block.
+    A TLS identity that comes with it lies in a temporary folder for the time of the block. The
+    scenario of this digest must be the plant's.
 
-    Args:
-        membership: the claimant's.
-        digest: of the scenario, which must be the plant's.
-
-    Raises:
-        HubError: the hub cannot be reached. PlaceRefusedError: the plant gives no place.
+    Raises HubError if the hub cannot be reached, PlaceRefusedError if the plant gives no place.
     """
     key = new_key()
     place = _wait_for_place(membership, PlaceRequest(digest=digest, public_key=public_der(key)))

@@ -66,14 +66,11 @@ def serve(
     SIGTERM is blocked: a service manager sends it to all processes, and the plant alone reacts.
 
     Over `launcher` this process sends None once the scenario can run, or the exception if it
-    cannot. It then receives a StartRequest, and sends a Report whenever a program starts or
-    ends. An identity that it receives names a program to start again.
+    cannot. It then receives a StartRequest, and sends a Report whenever a program starts or ends.
+    An identity that it receives names a program to start again. Over `result_pipe` the plant sends
+    its result.
 
-    Args:
-        scenario: resolved, as JSON.
-        environment: the launcher's; the libraries were loaded in another one.
-        launcher: a connection to the launcher.
-        result_pipe: the connection over which the plant sends its result.
+    The scenario is JSON, the environment the launcher's: the libraries were loaded in another one.
     """
     show_as("phalanx-forks")
     os.environ.clear()

@@ -9,7 +9,6 @@ import time
 from collections.abc import Sequence, Set
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Self
 
 from phalanx.compat.forkserver import without_main
 from phalanx.guarantee.verdict import Outcome, Summary, exit_status
@@ -47,7 +46,7 @@ def _environment() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
 
 
-class Processes:
+class Processes(contextlib.AbstractContextManager["Processes"]):
     """The programs of one run, as the process that forks them reports on them."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -103,9 +102,6 @@ class Processes:
         # If the fork server died, wait_for_plant finds out.
         with contextlib.suppress(BrokenPipeError):
             self._reports.send(StartRequest(membership, programs, logs))
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.end()

@@ -8,11 +8,10 @@ import tempfile
 import time
 import weakref
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 from phalanx_plant.run import ENDINGS, End, ended_by
 
@@ -72,7 +71,7 @@ def start(
     return SteppedRun(rows, out, commands)
 
 
-class SteppedRun:
+class SteppedRun(AbstractContextManager["SteppedRun"]):
     """A run between two instants: samples were answered, and inputs applied, up to `t`.
 
     Its bits are those of run with the same commands. It is ended by `end`, by its `with` block, or
@@ -213,9 +212,6 @@ class SteppedRun:
         if self.over:
             raise ValueError(f"the run is over, at t = {self.t:g} s")
         return self._course
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(
         self,

@@ -102,17 +102,11 @@ def trunk_of(scenario: Scenario, commands: Sequence[Command] = ()) -> Trunk:
 def compile_scenario(scenario: Scenario, progress: Callable[[int, int], None]) -> int:
     """Compile the functions that the scenario's runs call, unless the cache has them.
 
-    A run in this process, or the beginning of a long one, shows which these are.
+    A run in this process, or the beginning of a long one, shows which these are. Progress is called
+    with the number compiled, and of all that will be.
 
-    Args:
-        scenario: to compile.
-        progress: called with the number of functions compiled, and of all that will be.
-
-    Returns the number of functions that were compiled.
-
-    Raises:
-        ScenarioError: the scenario cannot be run.
-        OSError: there is no compiler, it fails, or the cache cannot be written.
+    Returns the number compiled. Raises ScenarioError, and OSError if there is no compiler, it
+    fails, or the cache cannot be written.
     """
     require_compiler()
     # If the run breaks, what it called until then is known.

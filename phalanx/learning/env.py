@@ -104,9 +104,8 @@ class SwarmEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     ]:
         """Hold these actions, and go on for the time of a step.
 
-        Raises:
-            ValueError: the episode is over, or an action is missing or is not of finite numbers.
-            SwarmBrokenError, DivergedError: the run broke.
+        Raises ValueError if the episode is over, or an action is missing or is not of finite
+        numbers; SwarmBrokenError or DivergedError if the run broke.
         """
         if self._trunk is None or not self.agents:
             raise ValueError("the episode is over: call reset")

@@ -88,11 +88,8 @@ def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -
     within `still` of the stretch's first, and farther than `arrival` from its goal throughout.
     Stretches that overlap count once.
 
-    Args:
-        t: shape (s,) [s].
-        position: shape (s, d) [m].
-        error: the distance from the goal, shape (s,) [m].
-        limits: the definition's constants.
+    Times t [s], positions [m] and errors, which are distances from the goal [m], have shapes (s,),
+    (s, d) and (s,).
     """
     step = limits.patience / _WINDOW
     steps = int(min(round(float(t[-1] - t[0]) / step, 6), _MOST_STEPS)) if len(t) else 0

@@ -51,13 +51,8 @@ def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
     The other agent is the nearest adversary, or the nearest normal agent if there is none.
     Headings, velocities and all other states are as at the start.
 
-    Args:
-        rows: of the scenario.
-        reach: half-width of the slice [m]; by default four times the distance at which h = 0
-            along the line between the two.
-
-    Returns:
-        None if the swarm has no second agent with states x and y.
+    reach: half-width of the slice [m]; by default four times the distance at which h = 0 along the
+    line between the two. Returns None if the swarm has no second agent with states x and y.
     """
     swarm = rows.swarm
     pair = _nearest_pair(swarm)

@@ -37,9 +37,8 @@ class MarginUse(NamedTuple):
 def margin_use(history: ReportHistory, i: int) -> MarginUse | None:
     """Normal agent i's margins at evenly chosen steps; None if it had no pair at any.
 
-    Raises:
-        ValueError: some input bounds depend on the state.
-        UnboundedOperationError: an expression has no interval extension.
+    Raises ValueError if some input bounds depend on the state, UnboundedOperationError if an
+    expression has no interval extension.
     """
     rows, steps = history.values.rows.seen_by(i), history.steps[i]
     swarm = rows.swarm

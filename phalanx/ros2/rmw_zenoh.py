@@ -8,8 +8,8 @@ import itertools
 import struct
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Self
 
 import xxhash
 
@@ -91,7 +91,7 @@ def attachment(sequence: int, nanoseconds: int, publisher: bytes) -> bytes:
     return _ATTACHMENT.pack(sequence, nanoseconds, _GID_BYTES, publisher)
 
 
-class Node:
+class Node(AbstractContextManager["Node"]):
     """A node that ROS 2 programs see, with its publishers, until it is closed."""
 
     def __init__(self, router: str, name: NodeName, timeout: float) -> None:
@@ -128,9 +128,6 @@ class Node:
     def close(self) -> None:
         """Leave the graph."""
         self._session.close()  # type: ignore[no-untyped-call]
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

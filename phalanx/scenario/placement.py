@@ -47,11 +47,7 @@ class Flows:
         return round(float((self.room * agents) ** (1.0 / axes)), 3)
 
     def draw(self, seed: int, agents: int, axes: int) -> tuple[list[Array], tuple[Sphere, ...]]:
-        """Draw the start of each agent [m], and the obstacles.
-
-        Raises:
-            ValueError: there is no room for all of them.
-        """
+        """Draw each agent's start [m], and the obstacles. Raises ValueError if there is no room."""
         wanted = agents + int(self.obstacles * agents)
         draws = Draws(seed, "flows", width=axes)
         side, places = self.side(agents, axes), np.empty((0, axes))
@@ -114,8 +110,7 @@ class Scatter:
     def draw(self, seed: int, formation: Formation, starts: Sequence[Array]) -> tuple[Sphere, ...]:
         """Draw the obstacles around the formation's path, away from the agents' starts [m].
 
-        Raises:
-            ValueError: the spread does not fit the path, or there is no room.
+        Raises ValueError if the spread does not fit the path, or there is no room.
         """
         axes = len(formation.path[0])
         if len(self.spread) != axes:

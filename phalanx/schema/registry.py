@@ -85,17 +85,13 @@ _EXPRESSIONS = {
 
 
 def lookup(kind: type, name: str) -> type:
-    """Return the class that a scenario names.
+    """Return the class of a kind, a protocol, by its name in a scenario.
 
-    Args:
-        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law, Controller, World or
-            Rule: a protocol.
-        name: a built-in name, or "package.module:Name" of a dataclass. The working directory is
-            searched too.
+    name: a built-in one, or "package.module:Name" of a dataclass, for which the working directory
+    is searched too.
 
-    Raises:
-        ValueError: unknown name, failed import, or a class that is not of the kind.
-        UntrustedCodeError: the class may not be imported.
+    Raises ValueError of an unknown name, a failed import, or a class that is not of the kind;
+    UntrustedCodeError of a class that may not be imported.
     """
     known = BUILT_IN.get(kind, {})
     if name in known:
@@ -147,8 +143,7 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     Objects of a user's class share no memory: results must not depend on earlier calls or on the
     process.
 
-    Raises:
-        ValueError: as lookup. pydantic.ValidationError: a field is unknown, missing or wrong.
+    Raises as lookup; pydantic.ValidationError if a field is unknown, missing or wrong.
     """
     if "type" not in table:
         raise ValueError(f"expected a field type, {_choices(kind)}")

@@ -42,8 +42,7 @@ def code_trusted(trust: bool) -> Iterator[None]:
 def import_named(name: str) -> Any:
     """Import "package.module:Name"; the working directory is searched too.
 
-    Raises:
-        ValueError: the import fails. UntrustedCodeError: it may not be imported.
+    Raises ValueError if the import fails, UntrustedCodeError if it is not allowed.
     """
     if name not in _imported:
         if not _trusted.get():

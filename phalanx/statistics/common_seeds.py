@@ -18,17 +18,13 @@ class Rate(NamedTuple):
 
 
 def rate(hits: ArrayLike, seeds: ArrayLike, anytime: bool = False, level: float = LEVEL) -> Rate:
-    """Return how often something happens.
+    """Return how often something happens, by hits and seeds of runs, shapes (n,).
 
-    Where each run has a seed of its own, or all have the same, runs are independent. Else the
-    seeds are: the mean over a seed's runs is one draw, and `betting` bounds the mean of those. A
-    seed that has fewer runs than others is left out, since it stands for another mixture.
+    Where each run has a seed of its own, or all have the same, runs are independent. Else the seeds
+    are: the mean over a seed's runs is one draw, and `betting` bounds the mean of those. A seed
+    that has fewer runs than others is left out, since it stands for another mixture.
 
-    Args:
-        hits: whether it happened, shape (n,).
-        seeds: of the runs, shape (n,).
-        anytime: whether the number of runs depends on their results.
-        level: of confidence.
+    anytime: whether the number of runs depends on their results. level: of confidence.
     """
     happened = np.asarray(hits, dtype=float)
     _, of_seed, size = np.unique(seeds, return_inverse=True, return_counts=True)

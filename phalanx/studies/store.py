@@ -49,9 +49,8 @@ class Store(contextlib.AbstractContextManager["Store"]):
     def open_with(self, name: str, declaration: str) -> Self:
         """Begin to write; what the rows are of goes into a file of this name.
 
-        Raises:
-            StudyError: another program writes, or the rows are of another version of Phalanx.
-            OSError: the folder cannot be made or written.
+        Raises StudyError if another program writes, or the rows are of another version of Phalanx;
+        OSError if the folder cannot be made or written.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self._lock()

@@ -17,11 +17,8 @@ _WHEEL_MASS = 0.05
 def swarm_model(names: Sequence[str], mass: float, friction: float, rolling: float) -> str:
     """Return MJCF of robots on a plane; a robot's parts are named after it: "left 1".
 
-    Args:
-        names: of all robots.
-        mass: of each robot [kg].
-        friction: coefficient of the wheels on the ground; where more force is needed, they slip.
-        rolling: resistance of each wheel [N m].
+    mass: of each robot [kg]. friction: coefficient of the wheels on the ground; where more force is
+    needed, they slip. rolling: resistance of each wheel [N m].
     """
     robots = "".join(_robot(k, name, mass, friction, rolling) for k, name in enumerate(names))
     return f"""<mujoco>

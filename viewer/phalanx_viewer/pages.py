@@ -78,14 +78,10 @@ class LivePage(AbstractContextManager["LivePage"]):
     def __init__(
         self, port: int | None = None, command_secret: bytes = b"", token: str = ""
     ) -> None:
-        """Choose the address; serve() opens the page there.
+        """Choose the address; serve() opens the page there. Raises PortTakenError.
 
-        Args:
-            port: of the page; None takes 8080 or the next free one.
-            command_secret: seals commands, if the page may command the run.
-            token: secret in the address of visitors that may do so.
-
-        Raises PortTakenError.
+        port: None takes 8080 or the next free one. command_secret: seals commands, if the page may
+        command the run. token: secret in the address of visitors that may do so.
         """
         # Here, because viser takes a second to import, which a ViewerPage does not need.
         from phalanx_viewer.scene.server import choose_port

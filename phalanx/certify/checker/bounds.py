@@ -44,10 +44,8 @@ class PairBound:
     def horizons(self, place: int, x: Array, u: Array) -> Array:
         """Time for which h <= 0 is certain [s], shape (s,); -inf where it is not certain now.
 
-        Args:
-            place: of the agent in the pair.
-            x: states of both members when it applies its input, shape (n, s).
-            u: its inputs, shape (m, s).
+        The agent's place is in the pair. x: states of both members when it applies its input u,
+        shapes (n, s) and (m, s).
         """
         found = np.full(x.shape[1], -np.inf)
         for multiple, pieces in _HORIZONS:

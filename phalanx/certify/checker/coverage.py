@@ -153,9 +153,8 @@ class Coverage:
     def first_uncovered(self, shared: Mask, until: Array) -> tuple[float, int] | None:
         """Return the first uncovered instant [s] and its pair.
 
-        Args:
-            shared: pairs that either member's certificates cover, shape (p,).
-            until: time until which each pair needs one [s], shape (p,).
+        shared: pairs that either member's certificates cover; until: time until which each pair
+        needs one [s], shapes (p,).
         """
         first, second = map(_in_order, self._gaps)
         found = []

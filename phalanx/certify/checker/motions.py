@@ -190,13 +190,8 @@ class MotionCheck:
     def require(self, name: str, t: Array, x: Array, u: Array) -> None:
         """Raise UncertifiableError unless each state after the first may follow the one before.
 
-        UndecidedError where that is not known.
-
-        Args:
-            name: of the agent.
-            t: times [s], shape (e,).
-            x: states, shape (n, e).
-            u: inputs held from each but the last, shape (m, e - 1).
+        UndecidedError where that is not known. Times t [s] and states x have shapes (e,) and (n,
+        e); u, held from each but the last, (m, e - 1).
         """
         may, beyond = self._followed(t, x, u)
         if (beyond > 0.0).any():

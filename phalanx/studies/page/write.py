@@ -60,18 +60,11 @@ def write_study_page(
     command: Callable[[dict[str, Any]], str],
     anytime: bool = False,
 ) -> Path:
-    """Write one HTML file that needs no other.
+    """Write one HTML file that needs no other, of a row for each run; return its path.
 
-    Args:
-        frame: a row for each run.
-        axes: names of the columns that were varied.
-        title: of the page.
-        path: of the file.
-        command: gives the command that repeats a row.
-        anytime: whether the number of runs depended on their results; intervals are then those of
-            confidence sequences.
-
-    Returns the path. Raises OSError; ValueError if the frame lacks an axis.
+    axes: names of the columns that were varied. command: gives the command that repeats a row.
+    anytime: whether the number of runs depended on their results; intervals are then those of
+    confidence sequences. Raises OSError; ValueError if the frame lacks an axis.
     """
     if lacking := [axis for axis in axes if axis not in frame.columns]:
         raise ValueError(f"axes: expected columns of the frame, got {lacking[0]!r}")

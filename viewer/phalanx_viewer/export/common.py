@@ -103,14 +103,9 @@ class Content:
 
 
 def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
-    """Find the pairs that were the worst one of some agent at some state, and their h.
+    """Find the pairs that were the worst one of some agent at some of the states, shape (s, n̄).
 
-    Args:
-        swarm: of the pairs.
-        x: states, shape (s, n̄).
-
-    Returns:
-        The r pairs' indices in the composed set, and h, shape (s, r).
+    Returns the r pairs' indices in the composed set, and their h, shape (s, r).
     """
     pairs = swarm.pairs.every
     every = swarm.pairs.choose(pairs)

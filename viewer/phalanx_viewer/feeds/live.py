@@ -36,14 +36,9 @@ class Live(AbstractContextManager["Live"]):
     ) -> None:
         """Join the run as a listener.
 
-        Args:
-            membership: of the run.
-            command_secret: seals commands to the run; empty: send none.
-            trust: whether code that the run's scenario names may be imported.
-
-        Raises:
-            HubError: no hub listens at the endpoint. NoRunError: it knows no such run.
-            ScenarioError: its scenario names code that is not trusted.
+        command_secret: seals commands to the run; empty: send none. trust: whether code that the
+        run's scenario names may be imported. Raises HubError, NoRunError, and ScenarioError of code
+        that is not trusted.
         """
         self.summary: Summary | None = None
         """The verdict, once there is one."""

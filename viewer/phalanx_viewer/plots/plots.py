@@ -47,11 +47,9 @@ def content(
 ) -> Content:
     """Make the plots and the timeline of a feed.
 
-    Args:
-        feed: live or recorded.
-        curves_of: the agents with curves of their own; the first one is chosen.
-        seekable: whether visitors can move the cursor; the plots then end where the past does.
-        inputs_of: the agents whose inputs are plotted; by default those with curves.
+    curves_of: the agents with curves of their own; the first one is chosen. seekable: whether
+    visitors can move the cursor; the plots then end where the past does. inputs_of: the agents
+    whose inputs are plotted; by default those with curves.
     """
     model, past = feed.model, feed.history
     rows = past.totals

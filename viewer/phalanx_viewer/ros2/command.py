@@ -66,22 +66,23 @@ def ros2(
     )
     _require_libraries()
     from phalanx.launcher.programs import configure_logging
+    from phalanx.ros2.rmw_zenoh import NodeName
     from phalanx_viewer.feeds.live import Live
     from phalanx_viewer.feeds.replay import open_replay
-    from phalanx_viewer.ros2.republisher import NAMESPACE, Graph, publish
+    from phalanx_viewer.ros2.republisher import NAMESPACE, publish
 
     if not NAMESPACE.fullmatch(namespace):
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
     configure_logging()
-    graph = Graph(router, domain, namespace, timeout)
+    node = router, NodeName(domain, namespace, "swarm"), timeout
     try:
         if membership is None:
             assert recording is not None
             replay = open_replay(recording, trust)
             replay.play(True)
-            return publish(replay, graph, lambda: not replay.playing)
+            return publish(replay, lambda: not replay.playing, *node)
         with Live(membership, trust=trust) as live:
-            return publish(live, graph, lambda: live.over)
+            return publish(live, lambda: live.over, *node)
     except (RuntimeError, ValueError, OSError) as error:
         echo_error(error)
         return 3

@@ -4,7 +4,6 @@ import logging
 import re
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
@@ -19,36 +18,23 @@ from phalanx_viewer.ros2 import messages
 
 log = logging.getLogger("phalanx.ros2")
 
-_NODE = "swarm"
 _REPEAT_PERIOD = 1.0
 """Wall time after which unchanged messages are sent again, for new subscribers [s]."""
 NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 """ROS 2's namespaces, but for the root."""
 
 
-class Graph(NamedTuple):
-    """The ROS 2 graph to publish in."""
-
-    router: str
-    """Zenoh endpoint of its router."""
-    domain: int
-    """ROS_DOMAIN_ID."""
-    namespace: str
-    """Such as "/phalanx"."""
-    timeout: float
-    """Longest time to try to reach the router [s]."""
-
-
-def publish(feed: Feed, graph: Graph, over: Callable[[], bool]) -> int:
+def publish(
+    feed: Feed, over: Callable[[], bool], router: str, name: NodeName, timeout: float
+) -> int:
     """Publish a feed until it is over, or until SIGINT or SIGTERM; return exit status 0.
 
     Raises ValueError if two agents would share a topic, and HubError without a router.
     """
     stop_requested = stop_request()
-    name = NodeName(graph.domain, graph.namespace, _NODE)
-    with Node(graph.router, name, graph.timeout) as node:
-        republisher = Republisher(node, graph.namespace, feed)
-        log.info("ROS 2 node %s/%s in domain %d", graph.namespace, _NODE, graph.domain)
+    with Node(router, name, timeout) as node:
+        republisher = Republisher(node, name.namespace, feed)
+        log.info("ROS 2 node %s/%s in domain %d", name.namespace, name.name, name.domain)
         keep_up(republisher.tick, lambda: over() or stop_requested())
         if over():
             republisher.finish()

@@ -34,12 +34,9 @@ class SceneServer(viser.ViserServer):
     def __init__(self, host: str, port: int, title: str, origins: tuple[str, ...] = ()) -> None:
         """Listen; visitors wait until admit() is called.
 
-        Args:
-            host: address to listen on.
-            port: to listen on, or the next free one, see get_port(). 0: any free one.
-            title: of the page.
-            origins: origins such as "https://viewer.example" whose pages may connect; by default
-                none. A program that is no browser sends no origin, and may connect.
+        port: or the next free one, see get_port(); 0: any free one. origins: origins such as
+        "https://viewer.example" whose pages may connect; by default none. A program that is no
+        browser sends no origin, and may connect.
         """
         self.on_action: Callable[[str | bytes], None] = lambda _: None
         """Called with each message to ACTIONS, in the server's thread."""
@@ -103,9 +100,8 @@ class PortTakenError(OSError):
 def choose_port(host: str, port: int | None) -> int:
     """Return the port, if it is free; for None the first free one from DEFAULT_PORT on.
 
-    Raises:
-        ValueError: no port has this number.
-        PortTakenError: it is taken, or the host is not one of this machine's.
+    Raises ValueError if no port has this number, PortTakenError if it is taken, or the host is not
+    one of this machine's.
     """
     if port is not None and not 1 <= port <= _LAST_PORT:
         raise ValueError(f"expected 1 to {_LAST_PORT}, got {port}")

@@ -194,14 +194,10 @@ def text_position(a: Array, b: Array, letters: int, clear: float, view: View) ->
 
 
 def place_texts(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
-    """Choose texts that do not overlap, each with its place; the first ones have priority.
+    """Choose texts that do not overlap, and their places, by index; the first ones have priority.
 
-    Args:
-        places: possible places of each in a usual picture, in its shorter sides, shapes (c, 2).
-        letters: length of each.
-
-    Returns:
-        Index of each text shown, and of its place.
+    places: possible places of each in a usual picture, in its shorter sides, shapes (c, 2).
+    letters: length of each.
     """
     shown: list[tuple[int, int]] = []
     taken: list[tuple[float, float, float]] = []
