@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
@@ -106,11 +107,10 @@ class SwarmCertificates:
             if len(which):
                 u = np.stack([held[k].u for k in of[which].tolist()])
                 found[which] = kind.certificate.times(numbers.ravel()[places], u)
-        times = [np.full(len(each.agent.pairs), each.agent.longest) for each in held]
-        begin = 0
-        for each, some in zip(times, chosen, strict=True):
-            each[some] = found[begin : (begin := begin + len(some))]
-        return times
+        ends = np.cumsum([0, *[len(agent.pairs) for agent in agents]])
+        times = np.repeat([agent.longest for agent in agents], np.diff(ends))
+        times[ends[of] + np.concatenate(chosen)] = found
+        return [times[begin:end] for begin, end in pairwise(ends.tolist())]
 
     def may_meet(self, agent: "AgentCertificates", x: Array, near: Mask) -> Mask:
         """Return which of an agent's pairs may be unsafe within its longest horizon, shape (p,).

@@ -7,8 +7,7 @@ as these cannot change them. Events are judged in order, once they are known.
 """
 
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator
 from typing import Protocol
 
 from msgspec import Struct
@@ -59,8 +58,7 @@ class _PendingInput(Struct, frozen=True):
     """Whether it never reaches the actuator."""
 
 
-@dataclass
-class _Instant:
+class _Instant(Struct):
     """All that is due at one instant; complete once its pending inputs have arrived."""
 
     t: float
@@ -71,7 +69,7 @@ class _Instant:
     """Agents whose states were not known when the samples were sent."""
     pending: deque[_PendingInput]
     """Inputs that take effect, and have not arrived."""
-    events: list[Event] = field(default_factory=list)
+    events: list[Event] = []
     """Those so far; empty until the world has reached this instant."""
 
 
@@ -140,7 +138,7 @@ class Lockstep:
         applied = [self._sampling.apply(c, self.world.x, self._agents) for c in commands]
         samples = self._sample(t)
         unknown = self._synchronization.unknown
-        self._instants.append(_Instant(t, applied, samples, unknown, deque(self._due(t))))
+        self._instants.append(_Instant(t, applied, samples, unknown, self._take_pending(t)))
         # The agents compute now: judging costs no time while it takes less than they do.
         self._apply_and_judge()
 
@@ -167,12 +165,13 @@ class Lockstep:
                 u = self._agents.await_input(pending.i)
                 self._early[pending] = self._known(pending, u)
 
-    def _due(self, t: float) -> Iterator[_PendingInput]:
-        """The inputs that take effect at t [s]."""
-        for i in self._schedule.applying_at(t):
-            self._schedule.applied(i)
+    def _take_pending(self, t: float) -> deque[_PendingInput]:
+        """The inputs that take effect at t [s], in order."""
+        pending = deque[_PendingInput]()
+        for i in self._schedule.take_applying(t):
             self._synchronization.begin_unknown(i)
-            yield self._newest[i]
+            pending.append(self._newest[i])
+        return pending
 
     def _complete_all(self) -> None:
         """Wait until all samples have been answered, and all inputs have taken effect."""
@@ -198,7 +197,8 @@ class Lockstep:
         events = instant.events
         if not events:
             events += [self._reach(instant.t), *instant.commands, *instant.samples]
-            self._require_unseen(instant)
+            if instant.unknown:
+                self._require_unseen(instant)
         while instant.pending:
             u = self._answer_to(instant.pending[0], wait)
             if u is None:
@@ -218,7 +218,7 @@ class Lockstep:
     def _require_unseen(self, instant: _Instant) -> None:
         """Raise SwarmBrokenError if an agent saw one whose state was not known at that time."""
         sees, p = self._sampling.sensing.sees, self.world.p
-        if instant.unknown and any(sees(p, s.i, instant.unknown) for s in instant.samples):
+        if any(sees(p, s.i, instant.unknown) for s in instant.samples):
             raise SwarmBrokenError(
                 f"the sample at t = {instant.t:.3f} s that was sent ahead is not the truth: some "
                 "dynamics travel farther than their `travel` returns; correct it, or set "

@@ -169,8 +169,7 @@ class RealTime:
 
     def _process_due(self, now: float) -> None:
         """Process all that became due up to `now` [s]."""
-        for i in self._schedule.applying_at(now):
-            self._schedule.applied(i)
+        self._schedule.take_applying(now)
         ready = [(a.takes_effect, i) for i, a in self._answers.items() if a.takes_effect <= now]
         for t, i in sorted(ready):
             self._reach(t)

@@ -85,7 +85,8 @@ class Assumptions:
         """The true stacked state at the last event, shape (n̄,)."""
         self._of_world: dict[str, Assumption] = {}
         """Assumptions that a world of the scenario's says have failed."""
-        self._in_force: dict[int, float] = {}
+        # Before its first input an agent has none in force; a report of its age is false.
+        self._in_force = [-np.inf for _ in swarm.names]
         """Time at which each agent's input took effect [s]."""
         self._actuators = swarm.shared(Actuators, lambda: Actuators(swarm))
         self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
@@ -190,8 +191,9 @@ class Assumptions:
             else:
                 self._made(event, telemetry)
         self._in_force[i] = t_apply
-        self._at_zero.pop(i, None)
-        _, x = self._sampled.get(i, (t, self._x))
+        if i in self._at_zero:
+            del self._at_zero[i]
+        x = self._sampled[i][1] if i in self._sampled else self._x
         self._inputs.check(self._actuators.takes(i, x[self._parts[i]], event.u), t_apply)
 
     def lost(self, event: InputLost) -> None:
@@ -205,9 +207,7 @@ class Assumptions:
             self._rows.check(telemetry.report.origin not in (*EMPTY, Origin.LONGEST), t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
-            # Before its first input an agent has none in force; a report of its age is false.
-            in_force = self._in_force.get(other, -np.inf)
-            self._fresh.check(abs(in_force - (t - age)) <= _ROUNDING, t)
+            self._fresh.check(abs(self._in_force[other] - (t - age)) <= _ROUNDING, t)
 
 
 def _proven_margin(swarm: Swarm) -> Assumption:

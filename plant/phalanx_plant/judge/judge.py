@@ -36,7 +36,7 @@ from phalanx_plant.world.events import (
     StateReached,
 )
 from phalanx_plant.world.extremes import PairExtremes
-from phalanx_plant.world.world import DivergedError, History, Segment
+from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
 
 _PROOFS: Mapping[Proof, str] = {
     "equivocation": "it signed two broadcasts {} that differ",
@@ -145,7 +145,7 @@ class Judge:
             return failed
         for history in histories:
             for piece in history:
-                if not isinstance(piece, Segment):
+                if type(piece) is DisturbanceKnot or type(piece) is WorldNote:
                     self.assumptions.add(piece)
         for steps in evaluated:
             self.extremes.add(steps)

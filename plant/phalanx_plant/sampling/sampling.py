@@ -78,7 +78,7 @@ class Sampling:
         Agents that sample at the same instant do not receive each other's answers of that instant.
         pace: speed of virtual time, in real time.
         """
-        awake = visible.without(self._silent)
+        awake = visible.without(self._silent) if self._silent else visible
         since, latest = self._contacts.existing(i, t, awake.seen)
         k = self.schedule.sampled(i, t)
         self._contacts.sampled(i, k, t, awake)

@@ -81,8 +81,8 @@ class Schedule:
         self._next_sample = [0.0 for _ in clocks]
         self._due: dict[int, float] = {}
         """By agent, when its pending input takes effect or is found to be lost [s]."""
-        self._lost: set[int] = set()
-        """Agents whose pending inputs are lost."""
+        self._lost = [False for _ in clocks]
+        """By agent, whether the input for its newest sample is lost."""
         for i in range(len(clocks)):
             self._skip_lost(i)
 
@@ -94,9 +94,12 @@ class Schedule:
         """The agents that sample at t [s]."""
         return [i for i, due in enumerate(self._next_sample) if due <= t]
 
-    def applying_at(self, t: float) -> list[int]:
-        """The agents whose inputs take effect at t [s], in order."""
-        return sorted([i for i, due in self._due.items() if due <= t])
+    def take_applying(self, t: float) -> list[int]:
+        """The agents whose inputs take effect, or are found to be lost, at t [s], in order."""
+        applying = sorted([i for i, due in self._due.items() if due <= t])
+        for i in applying:
+            del self._due[i]
+        return applying
 
     def tick(self, i: int) -> float:
         """Time of the next tick of agent i's clock [s]."""
@@ -113,12 +116,9 @@ class Schedule:
         self.skip_tick(i)
         due = t + self._latency
         late = self._links.input_delay(i, k, due, t)
-        if late is None or (late and due + late >= self._next_sample[i]):
-            # By then there is a newer sample: an input that late is never applied.
-            self._lost.add(i)
-        else:
-            due += late
-        self._due[i] = due
+        # By then there may be a newer sample: an input that late is never applied.
+        lost = late is None or (late > 0.0 and due + late >= self._next_sample[i])
+        self._lost[i], self._due[i] = lost, due if late is None or lost else due + late
         return k
 
     def due(self, i: int) -> float:
@@ -126,13 +126,8 @@ class Schedule:
         return self._due[i]
 
     def loses_input(self, i: int) -> bool:
-        """Return whether agent i's pending input never reaches its actuator."""
-        return i in self._lost
-
-    def applied(self, i: int) -> None:
-        """Record that agent i's input took effect, or was found to be lost."""
-        del self._due[i]
-        self._lost.discard(i)
+        """Return whether the input for agent i's newest sample never reaches its actuator."""
+        return self._lost[i]
 
     def skip_tick(self, i: int) -> None:
         """Go on to the next tick of agent i's clock at which no sample is lost."""

@@ -29,8 +29,6 @@ class Visibility(NamedTuple):
 
     def without(self, silent: Set[int]) -> "Visibility":
         """Remove dead and paused agents from the hearers."""
-        if not silent:
-            return self
         return self._replace(hearers=tuple([l for l in self.hearers if l not in silent]))
 
 
@@ -107,11 +105,13 @@ class Contacts:
         One of each for every agent seen, -1 where there are none.
         """
         # Not at t: agents that update together do not receive each other's inputs.
-        firsts, sent = self._first[i], [self._sent[j] for j in seen]
-        last = [newest if at < t else before for (_, before), (at, newest) in sent]
-        each = list(zip(seen, last, strict=True))
-        since = [firsts[j] if j in firsts and firsts[j] <= k else -1 for j, k in each]
-        latest = [k if j in firsts and firsts[j] <= k else -1 for j, k in each]
+        firsts, since = self._first[i], [-1 for _ in seen]
+        latest = since.copy()
+        for place, j in enumerate(seen):
+            (_, before), (at, newest) = self._sent[j]
+            k = newest if at < t else before
+            if j in firsts and firsts[j] <= k:
+                since[place], latest[place] = firsts[j], k
         return tuple(since), tuple(latest)
 
     def forget(self, i: int) -> tuple[int, ...]:

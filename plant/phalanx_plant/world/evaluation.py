@@ -12,7 +12,7 @@ from phalanx_plant.world.relevant_pairs import RelevantPairs
 from phalanx_plant.world.resolution import Resolution
 from phalanx_plant.world.world import History, Segment
 
-_STATES_AT_ONCE = 32
+_STATES_AT_ONCE = 64
 
 
 class EvaluatedSteps(NamedTuple):
@@ -57,8 +57,9 @@ class Evaluation:
             return
         segments = [p for _, p in numbered]
         counts = [p.x.shape[0] for p in segments]
-        numbers = np.repeat([k for k, _ in numbered], counts)
-        times = np.concatenate([p.times for p in segments])
+        each = np.array([(k, p.t, p.dt) for k, p in numbered]).repeat(counts, axis=0)
+        ordinals = np.array([n for count in counts for n in range(1, count + 1)])
+        numbers, times = each[:, 0].astype(np.intp), each[:, 1] + each[:, 2] * ordinals
         x = np.concatenate([p.x for p in segments])
         positions = np.concatenate([p.p for p in segments])
         resolved = self._resolution.resolves(segments).repeat(counts)

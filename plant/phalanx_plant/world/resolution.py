@@ -57,7 +57,7 @@ class Resolution:
         """Bound the defect of all steps of these segments [1/s]; inf or nan if there is none."""
         x = np.concatenate([*[p.x for p in segments], [p.start for p in segments]])
         u, phi, slope = map(np.array, zip(*[(p.u, p.phi, p.slope) for p in segments], strict=True))
-        dt, steps = np.array([(p.dt, len(p.x)) for p in segments]).T
+        dt, steps = np.array([(p.dt, p.x.shape[0]) for p in segments]).T
         phi = np.concatenate([phi, phi + (steps * dt)[:, None] * slope])
         ranges, found = list(map(_range, (x, u, phi, slope))), list[float]()
         for largest, states, inputs in self._groups:

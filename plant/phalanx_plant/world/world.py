@@ -21,7 +21,6 @@ from phalanx_plant.world.motion import Motion
 
 _MOST_STEPS = 4
 """Integration steps in one segment, at most."""
-_ORDINALS = np.arange(1.0, _MOST_STEPS + 1.0)
 
 
 class Segment(Struct, frozen=True):
@@ -45,12 +44,6 @@ class Segment(Struct, frozen=True):
     """Stacked state after each step, shape (s, n̄)."""
     p: Array
     """Output positions after each step [m], shape (s, N, d)."""
-
-    @property
-    def times(self) -> Array:
-        """End of each step [s], shape (s,)."""
-        found: Array = self.t + self.dt * _ORDINALS[: self.x.shape[0]]
-        return found
 
 
 class DisturbanceKnot(Struct, frozen=True):

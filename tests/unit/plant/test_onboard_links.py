@@ -29,9 +29,8 @@ def course(
         for i in schedule.sampling_at(t):
             newest[i] = schedule.sampled(i, t)
             samples[i].append(t)
-        for i in schedule.applying_at(t):
+        for i in schedule.take_applying(t):
             inputs.append((i, newest[i], t, not schedule.loses_input(i)))
-            schedule.applied(i)
     return links, samples, inputs
 
 

@@ -205,7 +205,7 @@ class Declared:
         if until <= self._own.t:
             raise ValueError(f"expected more than {self._own.t}, got {until}")
         pieces = [p for p in self._own.integrate(until) if isinstance(p, Segment)]
-        times = np.concatenate([p.times for p in pieces])
+        times = np.concatenate([p.t + p.dt * np.arange(1, len(p.x) + 1) for p in pieces])
         x, parts = np.concatenate([p.x for p in pieces]), self._rows.swarm.safe_set.parts
         times[-1] = until
         return WorldStates(times, {name: x[:, parts[i]] for name, i in self._agents.items()})
