@@ -220,28 +220,30 @@ def require_dynamics(dynamics: Dynamics, states: Sequence[Array], where: str = "
 
     The input polytope is checked at the first. where: the states' name in the message, "the start".
     """
-    evaluate = kept_for([dynamics], "methods", partial(_methods, dynamics))
+    evaluate, constant = kept_for([dynamics], "methods", partial(_methods, dynamics))
     for x in states:
         for method, value in zip(_METHODS, evaluate(x), strict=False):
             _require_finite(dynamics, method, x, np.array(value), where)
     A, b = map(np.array, evaluate(states[0])[-2:])
-    _require_polytope(dynamics, states[0], A, b, where)
+    for side in (A, b):
+        _require_finite(dynamics, "input_polytope", states[0], side, where)
+    if not constant:  # else it was checked when the scenario was read
+        _require_polytope(dynamics, states[0], A, b, where)
 
 
 _METHODS = ("drift", "actuation", "position")
 
 
-def _methods(dynamics: Dynamics) -> ca.Function:
-    """x -> the results of all methods, with A and b of U last."""
+def _methods(dynamics: Dynamics) -> tuple[ca.Function, bool]:
+    """x -> the results of all methods, with A and b of U last; and whether U is constant."""
     x = ca.SX.sym("x", len(dynamics.states))
     values = [getattr(dynamics, method)(x) for method in _METHODS]
-    outputs = [ca.densify(ca.SX(value)) for value in (*values, *dynamics.input_polytope(x))]
-    return ca.Function("f", [x], outputs)
+    sides = [ca.SX(side) for side in dynamics.input_polytope(x)]
+    outputs = [ca.densify(ca.SX(value)) for value in (*values, *sides)]
+    return ca.Function("f", [x], outputs), all(side.is_constant() for side in sides)
 
 
 def _require_polytope(dynamics: Dynamics, x: Array, A: Array, b: Array, where: str) -> None:
-    for side in (A, b):
-        _require_finite(dynamics, "input_polytope", x, side, where)
     try:
         polytope(A, b[:, 0])
     except EmptyPolytopeError as error:

@@ -290,6 +290,10 @@ class Swarm:
 
     def start(self) -> Array:
         """Return x(0), shape (n̄,): each agent's start plus its spread, drawn by (seed, name)."""
+        return self._x0.copy()
+
+    @cached_property
+    def _x0(self) -> Array:
         return np.concatenate([self._start(i) for i in range(len(self.members))])
 
     def _start(self, i: int) -> Array:
