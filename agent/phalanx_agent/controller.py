@@ -113,10 +113,10 @@ class DistributedController:
         if self._own is not None:
             decision, notes = self._own(view, u_nom, x, seen, t, received)
             return StepResult(decision, u_nom, [], notes)
-        trusted = self.trusted(t, seen)
+        trusted = self.trusted(t, seen) if self._watch else frozenset[int]()
         now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received, trusted)
-        decision, used = self._filter(now)
-        return StepResult(decision, u_nom, used)
+        filtered = self._filter(now)
+        return StepResult(filtered.decision, u_nom, filtered.used)
 
     def trusted(self, t: float, seen: tuple[int, ...]) -> frozenset[int]:
         """Return the agents in sight that may have a pair split at t [s]."""

@@ -11,7 +11,7 @@ from msgspec import Struct
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
 from phalanx.guarantee.verdict import Proof
-from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate, SentInput
+from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
@@ -49,6 +49,10 @@ from phalanx_agent.controller import (
 
 _AT_HOME = Membership("in-process", endpoint="")
 """The in-process engine's, which sends nothing but seals what is to be corrupted."""
+
+Convictions = tuple[tuple[int, float, float, float], ...]
+Proofs = tuple[tuple[int, int, Proof], ...]
+"""New convictions by motions, and by what agents signed, as Telemetry has them."""
 
 _FLOAT, _INT, _HEAD = 9, 5, 3
 """Longest encoding of a float, an integer and the beginning of an array in msgpack [bytes]."""
@@ -140,19 +144,18 @@ class ControlStep:
         The first one may have any number: the successor of an agent that died joins in the middle
         of a run, with an empty inbox.
         """
-        if not len(sample.seen) == len(sample.since) == len(sample.latest):
-            raise Malformed("wrong size")
         try:
             x = self._states.unpack(sample.x, sample.seen)
+            counted = zip(sample.seen, sample.since, sample.latest, strict=True)
+            existing = {j: (since, latest) for j, since, latest in counted if since >= 0}
         except ValueError as error:
             raise Malformed("wrong size") from error
         largest = np.maximum.reduce(np.abs(np.frombuffer(sample.x, dtype="<f8")), initial=0.0)
         if not largest <= LARGEST:
             raise Malformed("too large" if np.isfinite(largest) else "not finite")
-        existing = _existing(sample)
-        if self.i not in sample.seen or not self._heard.issuperset(existing):
+        if self.i not in sample.seen or not self._heard >= set(existing):
             raise Malformed("wrong agents")
-        if self.i in sample.hearers or not set(sample.seen).issuperset(sample.hearers):
+        if self.i in sample.hearers or not set(sample.seen) >= set(sample.hearers):
             raise Malformed("wrong agents")
         first, clock = self._next is None, clock_of(sample)
         # In real time samples may be lost, when a router is.
@@ -226,16 +229,12 @@ class ControlStep:
 
     def _answer(self, accepted: Accepted) -> Answer:
         began, sample, x = time.perf_counter(), accepted.sample, accepted.x
-        self.apply_commands(sample.commands)
+        if sample.commands is not None:
+            self.apply_commands(sample.commands)
         decided = self._unreported + self._decide_fates(accepted)
         fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
-        received = self.inbox.received()
-        delivered = self.inbox.take_delivered()
-        convictions = self._watch(sample.t, x, sample.seen, delivered) if self._watch else []
-        proofs = self._convict_equivocators(delivered) if self._witness else []
-        if self.audits is not None:
-            audited, contradicted = self.audits(sample, delivered, received)
-            proofs, convictions = [*proofs, *audited], [*convictions, *contradicted]
+        received = self.inbox.received
+        convictions, proofs = self._convict(sample, x) if self._watch else ((), ())
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -247,10 +246,10 @@ class ControlStep:
                 report=result.report(time.perf_counter() - began),
                 ages=tuple([(l, sample.t - received[l].t_apply) for l in result.used]),
                 fates=fates,
-                rejected=self.rejected + self._refused,
+                rejected=self.rejected + (self._refused if self._witness else 0),
                 received=self._clock.reported(received),
-                convictions=tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]),
-                proofs=tuple(proofs),
+                convictions=convictions,
+                proofs=proofs,
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
@@ -262,15 +261,19 @@ class ControlStep:
         """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
-    def _convict_equivocators(
-        self, delivered: list[tuple[int, SentInput]]
-    ) -> list[tuple[int, int, Proof]]:
-        """Return the index and the number of each newly proven equivocation."""
-        if self._witness is None or self._watch is None:
-            return []
-        found = self._witness.hear(delivered)
-        self._watch.convicted.update(evidence.first.sender for evidence in found)
-        return [(evidence.first.sender, evidence.first.k, "equivocation") for evidence in found]
+    def _convict(self, sample: Sample, x: Array) -> tuple[Convictions, Proofs]:
+        """Return the new convictions by motions and by what agents signed, as in telemetry."""
+        assert self._watch is not None
+        delivered, proofs = self.inbox.delivered, list[tuple[int, int, Proof]]()
+        convictions = self._watch(sample.t, x, sample.seen, delivered)
+        if self._witness is not None:
+            found = [evidence.first for evidence in self._witness.hear(delivered)]
+            self._watch.convicted.update(claim.sender for claim in found)
+            proofs += [(claim.sender, claim.k, "equivocation") for claim in found]
+        if self.audits is not None:
+            audited, contradicted = self.audits(sample, delivered, self.inbox.received)
+            proofs, convictions = [*proofs, *audited], [*convictions, *contradicted]
+        return tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]), tuple(proofs)
 
     @property
     def _refused(self) -> int:
@@ -313,7 +316,7 @@ class ControlStep:
             sample.t,
             lambda sender: self.swarm.apart(x, self.i, sender),
         )
-        for sender, message in self.inbox.take_corrupt():
+        for sender, message in self.inbox.corrupt:
             sent = Broadcast(k=message.k, t_apply=message.t_apply, u=message.u)
             key = self._keys.broadcast(self.swarm.names[sender], self.name)
             try:
@@ -327,9 +330,9 @@ class ControlStep:
         model = swarm.links.model(swarm.names[sender], receiver)
         return Link(swarm.seeds, swarm.names[sender], receiver, model)
 
-    def apply_commands(self, commands: ActiveCommands | None) -> None:
+    def apply_commands(self, commands: ActiveCommands) -> None:
         """Apply the commands in force from this sample on."""
-        if commands is None or commands == self._commands:
+        if commands == self._commands:
             return
         turned = commands.adversary and not (self._commands and self._commands.adversary)
         self._commands = commands
@@ -362,9 +365,3 @@ def _most_fates(swarm: Swarm) -> int:
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
     return max((MAX_BYTES - other_fields) // fate, 1)
-
-
-def _existing(sample: Sample) -> dict[int, BroadcastRange]:
-    """Return the broadcasts that a sample counts, by sender."""
-    counted = zip(sample.seen, sample.since, sample.latest, strict=True)
-    return {j: (since, latest) for j, since, latest in counted if since >= 0}

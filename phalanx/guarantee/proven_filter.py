@@ -12,6 +12,7 @@ everything that the other may do, covers the time until a betrayal would be conv
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
 from phalanx.arrays import Array, Mask
 from phalanx.guarantee.certificates import Held, SwarmCertificates
@@ -114,7 +115,7 @@ class EarnedFilter:
             short = set(self.proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
             if not short:
                 break
-            now = now._replace(trusted=now.trusted - short)
+            now = replace(now, trusted=now.trusted - short)
             filtered = self._first(now)
         return filtered, now
 
@@ -145,14 +146,14 @@ class ProvenFilter:
             return self._reported(whole, float(again[near].min()))
         u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u])
         if longest > 0.0 and u is not filtered.decision.u:
-            made = filtered.decision._replace(u=u, origin=Origin.LONGEST, proven=longest)
+            made = replace(filtered.decision, u=u, origin=Origin.LONGEST, proven=longest)
             return Filtered(made, [])
         return self._reported(filtered, float(times[near].min()))
 
     def _reported(self, filtered: Filtered, least: float) -> Filtered:
         """Add for how long the pairs near are proven safe [s]."""
         proven = min(least, self._own.longest)
-        return filtered._replace(decision=filtered.decision._replace(proven=proven))
+        return Filtered(replace(filtered.decision, proven=proven), filtered.used)
 
     def _with_whole_rows(self, now: FilterInput, weak: Mask) -> Filtered:
         """Solve the QP with the first filter's rows and whole rows for these pairs."""
@@ -167,7 +168,7 @@ class ProvenFilter:
         inputs = now.terms.polytopes[self._first.i]
         decision = decide_pairs(inputs, joined, now.u_nom, self._qp)
         origin = Origin.PROVEN if decision.origin is Origin.QP else decision.origin
-        return Filtered(decision._replace(origin=origin), used)
+        return Filtered(replace(decision, origin=origin), used)
 
     def _longest(
         self, now: FilterInput, near: Mask, inputs: Sequence[Array]

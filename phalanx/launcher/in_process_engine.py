@@ -126,7 +126,7 @@ class DirectAgents:
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
-        step, name = self.steps[i], self._names[i]
+        step = self.steps[i]
         try:
             with interrupt.NotDeferred():  # a law may never return
                 answer = step(step.accept_sample(sample))
@@ -135,7 +135,7 @@ class DirectAgents:
         self._inputs[i] = np.array(answer.actuation.u)
         self._telemetry[i, sample.k] = answer.telemetry
         for hearer, broadcast in answer.broadcasts.items():
-            self.steps[hearer].accept_broadcast(name, broadcast)
+            self.steps[hearer].inbox.put(i, broadcast)
 
     def await_input(self, i: int) -> Array:
         """Return agent i's input for its last sample, shape (m_i,)."""

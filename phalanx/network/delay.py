@@ -79,7 +79,7 @@ class UniformDelay:
         return f"{1e3 * self.low:g} to {1e3 * self.high:.4g} ms, uniform"
 
     def treat(self, message: Message) -> Treatment:
-        return delay(self.low + message.draw(BASIC, 1) * (self.high - self.low))
+        return (Copy(self.low + message.draw(BASIC, 1) * (self.high - self.low)),)
 
 
 @dataclass(frozen=True)

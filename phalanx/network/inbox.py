@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
+from operator import itemgetter
 from typing import Protocol
 
 import msgspec
@@ -64,18 +65,24 @@ class BroadcastInbox:
                 senders stay out of sight.
         """
         self._incoming = {sender: Incoming() for sender in senders}
-        self._make, self._links = link, dict[int, Link]()
+        self._make_link = link
         self._override: tuple[float | None, float | None] = None, None
         self._in_sight: Set[int] = frozenset()
-        self._received: dict[int, SentInput] = {}
-        self._corrupt: list[tuple[int, SentInput]] = []
-        self._delivered: list[tuple[int, SentInput]] = []
+        self._in_flight: list[tuple[float, int, SentInput]] = []
+        """Copies not delivered yet, each with its time of delivery [s] and its sender."""
+        self.received: dict[int, SentInput] = {}
+        """The newest broadcast by sender, of those received since it came into sight."""
+        self.delivered: list[tuple[int, SentInput]] = []
+        """All intact broadcasts that the last call of advance delivered, with their senders."""
+        self.corrupt: list[tuple[int, SentInput]] = []
+        """The corrupt copies of those it decided: their senders, and the intact messages."""
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
         """Replace loss and delay [s] of every link's model, where given."""
         self._override = loss, delay
-        for link in self._links.values():
-            link.override(loss, delay)
+        for incoming in self._incoming.values():
+            if incoming.link:
+                incoming.link.override(loss, delay)
 
     def join_at(self, counted: Mapping[int, BroadcastRange]) -> None:
         """Begin in the middle of a run: broadcasts sent so far, by sender, will not arrive."""
@@ -127,48 +134,48 @@ class BroadcastInbox:
         Returns reports on those decided now. If several are delivered, the newest is kept.
         distance: to a sender, at the sample that first counts its broadcast [m].
         """
-        for sender in self._in_sight - counted.keys():
-            self._incoming[sender].forget()
-            self._received.pop(sender, None)
-        self._in_sight = counted.keys()
+        in_sight, self.delivered, self.corrupt = counted.keys(), [], []
+        for sender in self._in_sight - in_sight:
+            self._forget(sender)
+        self._in_sight = in_sight
         fates: list[Fate] = []
         for sender, (since, latest) in counted.items():
             incoming = self._incoming[sender]
             if incoming.since != since:
+                self._forget(sender)
                 incoming.begin(since)
-                self._received.pop(sender, None)
             if latest > incoming.decided:
                 fates += self._decide(sender, latest, t, distance)
-            if not incoming.in_flight:
-                continue
-            landed = incoming.land(t)
-            self._delivered += [(sender, message) for message in landed]
-            for message in landed:
-                # A slow broadcast may be delivered after one that was sent later.
-                if message.k > incoming.newest:
-                    incoming.newest, self._received[sender] = message.k, message
+        if self._in_flight:
+            self._deliver(t)
         return tuple(fates)
 
-    def take_corrupt(self) -> list[tuple[int, SentInput]]:
-        """Return the corrupt copies since the last call: their senders, and the intact messages."""
-        taken, self._corrupt = self._corrupt, []
-        return taken
+    def _forget(self, sender: int) -> None:
+        """Discard all that was sent so far: the sender is out of sight."""
+        self._incoming[sender].since = None
+        self._in_flight = [copy for copy in self._in_flight if copy[1] != sender]
+        self.received.pop(sender, None)
 
-    def take_delivered(self) -> list[tuple[int, SentInput]]:
-        """Return all intact broadcasts that arrived since the last call, with their senders."""
-        taken, self._delivered = self._delivered, []
-        return taken
-
-    def received(self) -> Mapping[int, SentInput]:
-        """Return the newest broadcast by sender, of those received since it came into sight."""
-        return self._received
+    def _deliver(self, t: float) -> None:
+        """Deliver the copies due by t [s], by sender."""
+        due = [(sender, message) for at, sender, message in self._in_flight if at <= t]
+        if not due:
+            return
+        self._in_flight = [copy for copy in self._in_flight if copy[0] > t]
+        due.sort(key=_SENDER)
+        self.delivered = due
+        for sender, message in due:
+            incoming = self._incoming[sender]
+            # A slow broadcast may be delivered after one that was sent later.
+            if message.k > incoming.newest:
+                incoming.newest, self.received[sender] = message.k, message
 
     def _decide(
         self, sender: int, latest: int, t: float, distance: Callable[[int], float]
     ) -> list[Fate]:
         """Decide a sender's broadcasts up to the latest, in order, at t [s]."""
         fates, incoming = [], self._incoming[sender]
-        link = self._links.get(sender) or self._new_link(sender)
+        link = incoming.link or self._new_link(sender)
         apart = distance(sender) if link.asks_distance else math.nan
         first, incoming.decided = incoming.decided + 1, latest
         for k in range(first, latest + 1):
@@ -183,10 +190,10 @@ class BroadcastInbox:
             after = math.inf
             for copy in delivery.copies:
                 if copy.corrupt:
-                    self._corrupt.append((sender, message))
+                    self.corrupt.append((sender, message))
                 else:
                     after = copy.after if copy.after < after else after
-                    incoming.in_flight.append((sent + copy.after, message))
+                    self._in_flight.append((sent + copy.after, sender, message))
             if after == math.inf:
                 fates.append(Fate(sender, k, -1.0, delivery.faults))
             else:
@@ -195,25 +202,28 @@ class BroadcastInbox:
         return fates
 
     def _new_link(self, sender: int) -> Link:
-        link = self._links[sender] = self._make(sender)
+        link = self._incoming[sender].link = self._make_link(sender)
         link.override(*self._override)
         return link
 
 
-class Incoming:
-    """Broadcasts of one sender: those arrived, those decided, and those in flight."""
+_SENDER = itemgetter(0)
 
-    __slots__ = ("arrived", "decided", "in_flight", "newest", "since")
+
+class Incoming:
+    """Broadcasts of one sender: those arrived, those decided, and the newest delivered."""
+
+    __slots__ = ("arrived", "decided", "link", "newest", "since")
 
     def __init__(self) -> None:
+        self.link: Link | None = None
+        """From the sender, once a broadcast of its was decided."""
         self.since: int | None = None
         """The first broadcast that counts; None while the sender is out of sight."""
         self.decided = -1
         """The last broadcast that the link has decided."""
         self.arrived: dict[int, tuple[SentInput, float]] = {}
         """By number: broadcasts not decided yet, each with its time of arrival [s]."""
-        self.in_flight: list[tuple[float, SentInput]] = []
-        """Copies not delivered yet, each with its time of delivery [s]."""
         self.newest = -1
         """The newest broadcast delivered."""
 
@@ -227,7 +237,6 @@ class Incoming:
 
     def begin(self, since: int) -> None:
         """Count broadcasts from `since` on, and no others."""
-        self.forget()
         self.since = since
         self.skip_to(since - 1)
 
@@ -235,15 +244,3 @@ class Incoming:
         """Discard broadcasts up to k."""
         self.decided = k
         self.arrived = {n: message for n, message in self.arrived.items() if n > k}
-
-    def forget(self) -> None:
-        """Discard all that was sent so far: the sender is out of sight."""
-        self.since = None
-        self.in_flight = []
-
-    def land(self, t: float) -> list[SentInput]:
-        """Return the broadcasts delivered by t [s]."""
-        landed = [message for arrival, message in self.in_flight if arrival <= t]
-        if landed:
-            self.in_flight = [flying for flying in self.in_flight if flying[0] > t]
-        return landed

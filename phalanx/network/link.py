@@ -1,7 +1,6 @@
 """Links: delivery of messages, a pure function of (seed, link, number, time, distance)."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,7 +8,15 @@ import msgspec
 
 from phalanx.network.delay import ConstantDelay
 from phalanx.network.loss import Chance, RandomLoss
-from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment, asks_distance
+from phalanx.network.rule import (
+    DELIVER,
+    Copy,
+    DrawsByPurpose,
+    Message,
+    Rule,
+    Treatment,
+    asks_distance,
+)
 from phalanx.seeded.draws import Draws, Seeds, Tables
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 
@@ -89,12 +96,22 @@ _AS_SENT = Delivery(DELIVER, ())
 class _LinkStage:
     """A stage of one link, with its draws and its memory."""
 
-    __slots__ = ("left", "stage", "table")
+    __slots__ = ("left", "stage", "tables")
 
-    def __init__(self, stage: Stage, table: Callable[[str], Draws]) -> None:
-        self.stage, self.table = stage, table
+    def __init__(self, stage: Stage, tables: DrawsByPurpose) -> None:
+        self.stage, self.tables = stage, tables
         self.left = -math.inf
         """Time at which the last message left it [s]."""
+
+
+class _TablesOfPlace:
+    """Draws of the rule at one place of a list."""
+
+    def __init__(self, tables: Tables, field: str) -> None:
+        self._tables, self._field = tables, field
+
+    def __getitem__(self, purpose: str) -> Draws:
+        return self._tables[f"{self._field} {purpose}"]
 
 
 class Link:
@@ -151,7 +168,7 @@ class Link:
             try:
                 for number, copy in enumerate(came):
                     message = Message(
-                        *self._ends, k, sent, copy.after, distance, number, own.left, own.table
+                        *self._ends, k, sent, copy.after, distance, number, own.left, own.tables
                     )
                     treatment, t = stage.rule.treat(message), sent + copy.after
                     if treatment == DELIVER:
@@ -173,7 +190,6 @@ class Link:
                 raise RuleError(f"rule {stage.field} failed at message {k}: {problem}") from error
         return Delivery(copies, faults)
 
-    def _draws_of(self, field: str) -> Callable[[str], Draws]:
+    def _draws_of(self, field: str) -> DrawsByPurpose:
         # Built-in rules have different purposes; users' rules may not, so their place is added.
-        tables = self._tables
-        return (lambda purpose: tables(f"{field} {purpose}")) if "." in field else tables
+        return _TablesOfPlace(self._tables, field) if "." in field else self._tables

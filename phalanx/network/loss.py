@@ -89,7 +89,7 @@ class GilbertElliott:
         below both or above both, the state before has no effect: the search back ends there.
         """
         both, either = sorted((self.p, 1.0 - self.r))
-        draws = message.table("state of the link")
+        draws = message.tables["state of the link"]
         k = draws.last(message.k, Outside(both, either))
         # The first message has the long-run distribution of the state.
         bad = draws.value(k) < (both if k else self.p / (self.p + self.r))

@@ -13,7 +13,6 @@ A class of your own is a rule if it has the method `treat`; a dozen lines are en
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -54,6 +53,13 @@ def delay(after: float) -> Treatment:
     return (Copy(after),)
 
 
+class DrawsByPurpose(Protocol):
+    """Tables of draws, by purpose."""
+
+    def __getitem__(self, purpose: str, /) -> Draws:
+        """Return the table of a purpose."""
+
+
 class Message(msgspec.Struct, frozen=True):
     """One message on one link, as it arrives at a rule."""
 
@@ -71,8 +77,8 @@ class Message(msgspec.Struct, frozen=True):
     """0; 1, 2, ... for a duplicate made by a rule before this one."""
     previous: float
     """Time at which the message before it left this rule [s]; -inf if there was none."""
-    table: Callable[[str], Draws]
-    """Tables of draws of this link and this rule, by purpose."""
+    tables: DrawsByPurpose
+    """Tables of draws of this link and this rule."""
 
     @property
     def t(self) -> float:
@@ -91,8 +97,8 @@ class Message(msgspec.Struct, frozen=True):
         name = purpose if self.copy == 0 else f"{purpose} of copy {self.copy}"
         k = self.k
         if kept > 0.0:
-            k = self.table(f"{name} kept").last(k, AtLeast(column, kept))
-        return self.table(name).value(k, column)
+            k = self.tables[f"{name} kept"].last(k, AtLeast(column, kept))
+        return self.tables[name].value(k, column)
 
 
 class AtLeast(NamedTuple):

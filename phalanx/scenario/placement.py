@@ -62,26 +62,24 @@ class Flows:
             f"{len(places)}: raise flows.room or lower flows.apart"
         )
 
-    def goal(self, i: int, start: Array, t: float) -> Goal:
-        """Return the goal at t [s] of agent i, which started at `start` [m]."""
-        axis, backwards = divmod(i % (2 * len(start)), 2)
-        velocity = np.zeros(len(start))
+    def velocity(self, i: int, axes: int) -> Array:
+        """Return the velocity of agent i's flow [m/s]."""
+        axis, backwards = divmod(i % (2 * axes), 2)
+        velocity = np.zeros(axes)
         velocity[axis] = -self.speed if backwards else self.speed
-        return Goal(start + t * velocity, velocity, np.zeros(len(start)))
+        return velocity
 
 
-@dataclass(frozen=True)
 class Flow:
     """An agent's place in the flows as a reference."""
 
-    flows: Flows
-    i: int
-    """Index of the agent."""
-    start: Array
-    """[m]"""
+    def __init__(self, flows: Flows, i: int, start: Array) -> None:
+        """Place agent i, which started at `start` [m]."""
+        self._start, self._velocity = start, flows.velocity(i, len(start))
+        self._rest = np.zeros(len(start))
 
     def goal(self, sight: Sight) -> Goal:
-        return self.flows.goal(self.i, self.start, sight.t)
+        return Goal(self._start + sight.t * self._velocity, self._velocity, self._rest)
 
     def end(self) -> Array | None:
         return None

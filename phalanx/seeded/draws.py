@@ -120,31 +120,34 @@ class Seeds:
         self.later.append((t, seed))
 
 
-class Tables:
-    """Tables of draws whose rows are decided one after the other in time."""
+class Tables(dict[str, Draws]):
+    """Tables of draws by purpose, whose rows are decided one after the other in time."""
 
     def __init__(self, seeds: Seeds | int, *purpose: str, width: int = 1) -> None:
         """Name the tables by what their purposes have in common; width: of their rows."""
         self._seeds = Seeds(seeds) if isinstance(seeds, int) else seeds
         self._purpose, self._width = purpose, width
         self._later: list[tuple[int, int]] = []
-        self._made: dict[str, Draws] = {}
 
-    def __call__(self, purpose: str = "") -> Draws:
-        """Return the table of one purpose, as far as it is decided."""
-        if purpose not in self._made:
-            name = (*self._purpose, purpose) if purpose else self._purpose
-            made = Draws(self._seeds.first, *name, width=self._width, later=self._later)
-            self._made[purpose] = made
-        return self._made[purpose]
+    def __missing__(self, purpose: str) -> Draws:
+        """Make the table of one purpose, as far as it is decided."""
+        name = (*self._purpose, purpose) if purpose else self._purpose
+        made = Draws(self._seeds.first, *name, width=self._width, later=self._later)
+        self[purpose] = made
+        return made
+
+    def __call__(self) -> Draws:
+        """Return the table of the purpose that all have in common."""
+        return self[""]
 
     def decide(self, row: int, t: float) -> "Tables":
         """Return the tables, of which this row, and no later one, is decided at t [s]."""
-        for at, seed in self._seeds.later[len(self._later) :]:
-            if t < at:
-                break
-            self._later.append((row, seed))
-            self._made.clear()
+        if self._seeds.later:
+            for at, seed in self._seeds.later[len(self._later) :]:
+                if t < at:
+                    break
+                self._later.append((row, seed))
+                self.clear()
         return self
 
 

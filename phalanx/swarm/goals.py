@@ -1,8 +1,8 @@
 """Each agent's goal as a function of the time and of the states that it sees."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -14,12 +14,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.scenario.placement import Flow
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import (
-    MistakenMethodError,
-    call_method,
-    call_user,
-    is_built_in,
-)
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user, is_built_in
 from phalanx.theory.laws.formation import Slot
 from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay, Waypoints
 from phalanx.theory.models.dynamics import Dynamics
@@ -70,16 +65,19 @@ class AgentGoal:
 
     def __call__(self, t: float, states: Mapping[int, Array]) -> Goal:
         """Return the goal. Raises MistakenMethodError of a user's reference."""
-        sight = Sight(t, self.agent, partial(self._motion, states))
+        return self._goal(Sight(t, self.agent, partial(self._motion, states)))
+
+    @cached_property
+    def _goal(self) -> Callable[[Sight], Goal]:
+        return self.reference.goal if is_built_in(self.reference) else self._users_goal
+
+    def _users_goal(self, sight: Sight) -> Goal:
         expected = f"a Goal of three numpy arrays of {self.axes} finite numbers"
-        goal = call_method(self.reference, "goal", expected, sight, agent=self.agent)
-        if not is_built_in(self.reference) and not (
-            isinstance(goal, Goal) and all(map(self._is_vector, goal))
-        ):
+        goal = call_user(self.reference, "goal", expected, sight, agent=self.agent)
+        if not (isinstance(goal, Goal) and all(map(self._is_vector, goal))):
             got = repr(goal)
             raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
-        found: Goal = goal
-        return found
+        return goal
 
     @property
     def of_now(self) -> bool:

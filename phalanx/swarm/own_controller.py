@@ -7,7 +7,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_method
+from phalanx.theory.expressions.user_methods import MistakenMethodError, watched_method
 from phalanx.theory.laws.law import (
     CheckedInput,
     ControlledAgent,
@@ -107,7 +107,7 @@ def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnControl
     )
     try:
         # One of ours is not watched: its library may take its time to compile.
-        call_method(controller, "prepare", "no error", agent, agent=swarm.names[i])
+        watched_method(controller, "prepare", "no error", swarm.names[i])(agent)
     except (MistakenMethodError, ValueError) as error:
         reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
         raise ScenarioError(

@@ -61,8 +61,7 @@ def rounded_up(count: int) -> int:
 class CompiledFunction:
     """A function of vectors that returns arrays; a call costs about a microsecond.
 
-    All outputs lie in one block, so that a call copies once. The same inputs give the same bits
-    on any CPU.
+    The same inputs give the same bits on any CPU.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
@@ -77,9 +76,9 @@ class CompiledFunction:
             self._bound.given[end - i.numel() : end] for i, end in zip(inputs, last, strict=True)
         ]
         ends = np.cumsum([o.numel() for o in outputs])
-        self._layout = [
-            (int(end) - o.numel(), int(end), None if 1 in o.shape else o.shape)
-            for o, end in zip(outputs, ends, strict=True)
+        self._outputs = [
+            self._bound.results[end - o.numel() : end].reshape(-1 if 1 in o.shape else o.shape)
+            for o, end in zip(outputs, ends.tolist(), strict=True)
         ]
 
     def __call__(self, *values: Array | float) -> list[Array]:
@@ -87,11 +86,7 @@ class CompiledFunction:
         for array, value in zip(self._inputs, values, strict=True):
             array[:] = value
         self._bound.call()
-        block = self._bound.results.copy()
-        return [
-            block[begin:end] if shape is None else block[begin:end].reshape(shape)
-            for begin, end, shape in self._layout
-        ]
+        return [output.copy() for output in self._outputs]
 
 
 _MOST_ROWS = 2**17

@@ -5,7 +5,8 @@ import inspect
 import math
 import re
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from threading import get_ident
 from typing import Any
@@ -82,11 +83,12 @@ def is_built_in(of: object) -> bool:
     return type(of).__module__.startswith("phalanx.")
 
 
-def call_method(of: object, method: str, expected: str, *arguments: Any, agent: str = "") -> Any:
-    """Call a method of a class that may be a user's; one of ours needs no watch. As call_user."""
+def watched_method(of: object, method: str, expected: str, agent: str) -> Callable[..., Any]:
+    """Return a method of a class, called by call_user if the class is not one of ours."""
     if is_built_in(of):
-        return getattr(of, method)(*arguments)
-    return call_user(of, method, expected, *arguments, agent=agent)
+        found: Callable[..., Any] = getattr(of, method)
+        return found
+    return partial(call_user, of, method, expected, agent=agent)
 
 
 def error_line(error: BaseException) -> str:

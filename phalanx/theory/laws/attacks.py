@@ -13,15 +13,15 @@ import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.kept import kept_for
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import (
     Gains,
-    OutputDerivatives,
     nearest_normal,
-    output_derivatives,
+    output_chain,
+    tracked_chain,
 )
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics, Positive
@@ -67,10 +67,11 @@ class Chase:
     guard: Guard | None = None
 
     def prepare(self, dynamics: Dynamics) -> None:
-        self._output = output_derivatives(dynamics, self.gains)
+        self._dynamics, self._chain = dynamics, tracked_chain(dynamics, self.gains)
+        self._stay = self._towards([self._chain.derivatives[0]])
         self._target: int | None = None
         self._team: _Team | None = None
-        self._outputs: list[OutputDerivatives] = []
+        self._pursue: list[CompiledFunction] = []
 
     def join(self, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]) -> "Chase":
         """The law of agent i in a swarm.
@@ -78,7 +79,7 @@ class Chase:
         Raises ValueError if a target is not a member or its output has another degree.
         """
         names, joined = [m.name for m in members], copy(self)
-        joined._outputs = _outputs([m.dynamics for m in members])
+        joined._pursue = self._towards_each([m.dynamics for m in members])
         if (target := self.targets.get(names[i])) is not None:
             if target not in names:
                 raise ValueError(f"targets: expected one of {names}, got {target!r}")
@@ -89,29 +90,31 @@ class Chase:
         return joined
 
     def input(self, view: View) -> Array:
-        x, here = view.x[view.i], self._output(view.x[view.i])
+        x = view.x[view.i]
         target = self._target if self._target in view.x else nearest_normal(view)
-        there = np.zeros_like(here)
-        if target is None:
-            there[0] = here[0]
-        else:
-            known = self._outputs[target](view.x[target])[: len(here)]
-            there[: len(known)] = known
-        u_nom = self._output.input_for(x, dot((there - here).T, np.array(self.gains)))
-        return u_nom if self._team is None else self._team.guarded(view.x, u_nom)
+        (u,) = self._stay(x) if target is None else self._pursue[target](x, view.x[target])
+        return u if self._team is None else self._team.guarded(view.x, u)
 
+    def _towards(self, wanted: Sequence[ca.SX], *symbols: ca.SX) -> CompiledFunction:
+        """Compile the input for p^d and its derivatives, expressions of the state and symbols."""
+        u = self._chain.input_for(self._chain.pull(self.gains, wanted))
+        return CompiledFunction([self._chain.x, *symbols], [u])
 
-def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
-    """OutputDerivatives of each dynamics, compiled once for equal ones."""
-    different: list[Dynamics] = []
-    for each in dynamics:
-        if each not in different:
-            different.append(each)
-    compiled = [
-        kept_for([each], "output derivatives", partial(OutputDerivatives, each))
-        for each in different
-    ]
-    return [compiled[different.index(each)] for each in dynamics]
+    def _towards_each(self, targets: Sequence[Dynamics]) -> list[CompiledFunction]:
+        """Compile the input for the state of each target, once for equal dynamics."""
+        different: list[Dynamics] = []
+        for each in targets:
+            if each not in different:
+                different.append(each)
+        compiled = [
+            kept_for([self._dynamics, each], ("chase", self.gains), partial(self._to_state, each))
+            for each in different
+        ]
+        return [compiled[different.index(each)] for each in targets]
+
+    def _to_state(self, target: Dynamics) -> CompiledFunction:
+        chain = output_chain(target)
+        return self._towards(chain.derivatives[:-1], chain.x)
 
 
 class _Team:
@@ -134,12 +137,13 @@ class _Team:
         swarm = known.with_pairs(known.pairs.with_obstacles(around))
         self._terms = swarm.of(self._self, None, ComposedMargin(guard.eta))
         self._states = swarm.members.states
+        self._unseen = np.full(self._states[-1].stop, np.nan)
         self._terms.compile()
         self._qp = NearestInput(members[i].dynamics.input_metric())
 
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
-        stacked = np.full(self._states[-1].stop, np.nan)
+        stacked = self._unseen.copy()
         seen = [place for place, j in enumerate(self._team) if j in x]
         for place in seen:
             stacked[self._states[place]] = x[self._team[place]]

@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MaxLen, MinLen
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import length
@@ -43,7 +44,7 @@ class Motion(NamedTuple):
     """The part of p' that does not depend on the input [m/s]: all of it for q > 1, 0 for q = 1."""
 
 
-class Sight(NamedTuple):
+class Sight(Struct, frozen=True):
     """A reference's arguments at one sampling instant."""
 
     t: float

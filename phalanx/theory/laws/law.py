@@ -11,10 +11,15 @@ from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_method, first_numbers
+from phalanx.theory.expressions.user_methods import (
+    MistakenMethodError,
+    first_numbers,
+    watched_method,
+)
 from phalanx.theory.laws.goals import Goal
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
@@ -26,7 +31,7 @@ from phalanx.theory.safety.function import SafeSetFunction, Static
 from phalanx.theory.safety.obstacles import Obstacle
 
 
-class View(NamedTuple):
+class View(Struct, frozen=True):
     """A law's arguments at one sampling instant of agent i: its own state and those it sees."""
 
     i: int
@@ -77,6 +82,7 @@ class CheckedInput:
         """Take the law or controller whose inputs these are, and the agent, a member."""
         self._of, self._agent, self._size = of, member.name, len(member.dynamics.inputs)
         self._expected = f"a numpy array of {self._size} finite numbers"
+        self._input = watched_method(of, "input", self._expected, member.name)
 
     def __call__(self, view: object) -> Array:
         """The input for a view, as its protocol has it, shape (m_i,).
@@ -84,7 +90,7 @@ class CheckedInput:
         Raises:
             MistakenMethodError: a user's class returned something else, raised, or does not return.
         """
-        u = call_method(self._of, "input", self._expected, view, agent=self._agent)
+        u = self._input(view)
         # The usual case, decided in a fraction of a microsecond.
         usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == (self._size,)
         if usual and sum(map(abs, u.tolist())) <= LARGEST:

@@ -5,6 +5,7 @@ u = K (x^d - x) + d^q/dt^q p^d, with K acting on the output and its derivatives;
 that attract (as printed in the paper they repel).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -37,6 +38,26 @@ class OutputChain(NamedTuple):
         """q of the output."""
         return len(self.derivatives) - 1
 
+    def input_for(self, wanted: ca.SX) -> ca.SX:
+        """u with G u = wanted, shape (m,); drift is not compensated, as in Simulation 2.
+
+        Where G depends on the state it may be singular (a bicycle at standstill). A damped inverse
+        then gives a large input, which is later projected onto U.
+        """
+        G = ca.densify(self.decoupling)
+        if G.is_constant() and G.shape[0] == G.shape[1]:
+            return ca.solve(G, wanted)
+        return G.T @ ca.solve(G @ G.T + _DAMPING * ca.SX.eye(G.shape[0]), wanted)
+
+    def pull(self, gains: Sequence[float], wanted: Sequence[ca.SX]) -> ca.SX:
+        """K (x^d - x), shape (d,); wanted: p^d and its derivatives, 0 beyond the last."""
+        rest = [ca.SX.zeros(*self.derivatives[0].shape)] * self.degree
+        errors = zip(gains, [*wanted, *rest], self.derivatives, strict=False)
+        total = ca.SX.zeros(*self.derivatives[0].shape)
+        for gain, there, here in errors:
+            total += gain * (there - here)
+        return total
+
 
 def output_chain(dynamics: Dynamics) -> OutputChain:
     """Differentiate p. Raises ValueError if no input acts on its first derivatives."""
@@ -61,18 +82,17 @@ class OutputVelocity:
 
     def __init__(self, dynamics: Dynamics) -> None:
         """Raises ValueError unless the inputs act on the output's velocity, one for each axis."""
-        x, (p, drift, *more), G = output_chain(dynamics)
-        if more or G.shape[0] != G.shape[1] or ca.sprank(G) < p.numel():
+        self.x, (self.p, self._drift, *more), self._G = output_chain(dynamics)
+        G = self._G
+        if more or G.shape[0] != G.shape[1] or ca.sprank(G) < self.p.numel():
             raise ValueError(
                 f"{type(dynamics).__name__}: expected as many inputs as output axes, all acting "
                 "on the output's velocity"
             )
-        v = ca.SX.sym("v", p.numel())
-        self._evaluate = CompiledFunction([x, v], [ca.solve(G, v - drift)])
 
-    def __call__(self, x: Array, velocity: Array) -> Array:
-        """The input, shape (m,), for a state x, shape (n,), and a velocity [m/s]."""
-        return self._evaluate(x, velocity)[0]
+    def input_for(self, velocity: ca.SX) -> ca.SX:
+        """The input, shape (m,), an expression of the state x, for a velocity [m/s]."""
+        return ca.solve(self._G, velocity - self._drift)
 
 
 @dataclass
@@ -83,11 +103,13 @@ class TrackVelocity:
     """k [1/s]"""
 
     def prepare(self, dynamics: Dynamics) -> None:
-        self._invert = OutputVelocity(dynamics)
+        output = OutputVelocity(dynamics)
+        p, v = (ca.SX.sym(name, output.p.numel()) for name in ("p", "v"))
+        u = output.input_for(v + self.gain * (p - output.p))
+        self._input = CompiledFunction([output.x, p, v], [u])
 
     def input(self, view: View) -> Array:
-        error = view.goal.position - view.positions[view.i]
-        return self._invert(view.x[view.i], view.goal.velocity + self.gain * error)
+        return self._input(view.x[view.i], view.goal.position, view.goal.velocity)[0]
 
 
 @dataclass
@@ -101,64 +123,38 @@ class Pursue:
     """k [1/s]"""
 
     def prepare(self, dynamics: Dynamics) -> None:
-        self._invert = OutputVelocity(dynamics)
+        output = OutputVelocity(dynamics)
+        p = ca.SX.sym("p", output.p.numel())
+        u = output.input_for(self.gain * (p - output.p))
+        self._input = CompiledFunction([output.x, p], [u])
 
     def input(self, view: View) -> Array:
         nearest = nearest_normal(view)
         target = view.i if nearest is None else nearest
-        towards = view.positions[target] - view.positions[view.i]
-        return self._invert(view.x[view.i], self.gain * towards)
+        return self._input(view.x[view.i], view.positions[target])[0]
 
 
 def nearest_normal(view: View) -> int | None:
     """The nearest normal agent in sight; None if there is none."""
-    towards = {n: view.positions[n] - view.positions[view.i] for n in view.normal}
-    return min(towards, key=lambda n: float(dot(towards[n], towards[n])), default=None)
-
-
-class OutputDerivatives:
-    """p, p', ..., p^(q-1) of one dynamics, and the inverse of its decoupling matrix G.
-
-    Where G depends on the state it may be singular (a bicycle at standstill). A damped inverse then
-    gives a large input, which is later projected onto U.
-    """
-
-    def __init__(self, dynamics: Dynamics) -> None:
-        """Raises ValueError if no input acts on the first derivatives of the output."""
-        chain = output_chain(dynamics)
-        self.degree = chain.degree
-        """q of the output."""
-        wanted = ca.SX.sym("wanted", chain.derivatives[0].numel())
-        self._invert = CompiledFunction([chain.x, wanted], [_solve(chain.decoupling, wanted)])
-        self._evaluate = CompiledFunction([chain.x], [ca.horzcat(*chain.derivatives[:-1]).T])
-
-    def __call__(self, x: Array) -> Array:
-        """p, p', ..., p^(q-1) without inputs, shape (q, d), at a state x, shape (n,)."""
-        return self._evaluate(x)[0].reshape(self.degree, -1)
-
-    def input_for(self, x: Array, wanted: Array) -> Array:
-        """u with G(x) u = wanted, shape (m,); drift is not compensated, as in Simulation 2."""
-        return self._invert(x, wanted)[0]
-
-
-def _solve(G: ca.SX, wanted: ca.SX) -> ca.SX:
-    if G.is_constant() and G.shape[0] == G.shape[1]:
-        return ca.solve(ca.densify(G), wanted)
-    dense = ca.densify(G)
-    return dense.T @ ca.solve(dense @ dense.T + _DAMPING * ca.SX.eye(G.shape[0]), wanted)
+    if not view.normal:
+        return None
+    positions = view.positions
+    towards = np.array([positions[n] for n in view.normal]) - positions[view.i]
+    return view.normal[int(dot(towards, towards).argmin())]
 
 
 Gains = Annotated[tuple[Positive, ...], MinLen(1)]
 
 
-def output_derivatives(dynamics: Dynamics, gains: Gains) -> OutputDerivatives:
-    output = OutputDerivatives(dynamics)
-    if len(gains) != output.degree:
+def tracked_chain(dynamics: Dynamics, gains: Gains) -> OutputChain:
+    """The output's chain. Raises ValueError unless there is a gain for each derivative."""
+    chain = output_chain(dynamics)
+    if len(gains) != chain.degree:
         raise ValueError(
-            f"gains: {type(dynamics).__name__} needs {output.degree}, one for the output and each "
+            f"gains: {type(dynamics).__name__} needs {chain.degree}, one for the output and each "
             f"of its derivatives below the input; got {len(gains)}"
         )
-    return output
+    return chain
 
 
 @dataclass
@@ -169,12 +165,14 @@ class Track:
     """k_1 ... k_q of the position error and its derivatives' [1/s^q ... 1/s]."""
 
     def prepare(self, dynamics: Dynamics) -> None:
-        self._output = output_derivatives(dynamics, self.gains)
+        chain = tracked_chain(dynamics, self.gains)
+        q, axes = chain.degree, chain.derivatives[0].numel()
+        goal = [ca.SX.sym(name, axes) for name in ("p", "v", "a")]
+        wanted = chain.pull(self.gains, goal)
+        if q < len(goal):
+            wanted += goal[q]
+        self._input = CompiledFunction([chain.x, *goal], [chain.input_for(wanted)])
 
     def input(self, view: View) -> Array:
-        x = view.x[view.i]
-        q, d = self._output.degree, len(view.goal.position)
-        goal = np.zeros((q + 1, d))
-        goal[: len(view.goal)] = view.goal[: q + 1]
-        error = goal[:q] - self._output(x)
-        return self._output.input_for(x, dot(error.T, np.array(self.gains)) + goal[q])
+        goal = view.goal
+        return self._input(view.x[view.i], goal.position, goal.velocity, goal.acceleration)[0]

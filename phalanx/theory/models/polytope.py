@@ -4,6 +4,7 @@ A linear function on a compact polytope attains its extremes at vertices, and th
 small (m <= 3), so the programs are solved exactly by looking at every vertex.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import combinations
@@ -38,9 +39,9 @@ class Box:
         """low and high as lists: for so few numbers they are faster than arrays."""
         return self.low.tolist(), self.high.tolist()
 
-    def holds(self, u: Array) -> bool:
+    def holds(self, u: Array | Sequence[float]) -> bool:
         """Return whether low <= u <= high."""
-        for low, number, high in zip(self.ends[0], u.tolist(), self.ends[1], strict=True):
+        for low, number, high in zip(self.ends[0], u, self.ends[1], strict=True):
             if not low <= number <= high:
                 return False
         return True
@@ -60,11 +61,11 @@ class Polytope(NamedTuple):
     allowance: float
     """Excess of A u over b for which u is still within ACTUATION of the polytope."""
 
-    def takes(self, u: Array) -> bool:
+    def takes(self, u: Array | Sequence[float]) -> bool:
         """Return whether u, shape (m,), is within ACTUATION of the polytope."""
         if self.box is not None and self.box.holds(u):
             return True
-        return bool((dot(self.A, u) <= self.b + self.allowance).all())
+        return bool((dot(self.A, np.asarray(u)) <= self.b + self.allowance).all())
 
 
 def polytope(A: Array, b: Array) -> Polytope:

@@ -17,7 +17,7 @@ from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.by_jets import TermsByJets
-from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers, TermsByKind
+from phalanx.theory.rows.composed_function import ComposedFunction, TermsByKind
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.function import Static
@@ -112,17 +112,13 @@ class ComposedTerms:
     def compile(self) -> None:
         """Compile the function of all members now, and not at the first state."""
         states = self._swarm.members.states
-        self._choose(np.zeros(states[-1].stop), self._swarm.everyone)
+        self.choose(np.zeros(states[-1].stop), self._swarm.everyone)
 
     def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
         """Output positions of the members seen [m]."""
         if seen != self._seen:
             self._seen, self._positions = seen, Positions(self._swarm.members, seen)
         return self._positions(x)
-
-    def composed(self, x: Array, seen: tuple[int, ...]) -> ComposedNumbers:
-        """All pairs in sight, composed at x."""
-        return self._choose(x, seen)(x)
 
     def margin(self, x: Array, seen: tuple[int, ...], disturbance: float) -> float:
         """The margin of the row, with D_q of the composed pairs."""
@@ -132,9 +128,10 @@ class ComposedTerms:
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        return self._choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
+        return self.choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
 
-    def _choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
+    def choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
+        """The function of the pairs in sight at x."""
         pairs = self._swarm.pairs
         near = self._near(x[self._own], pairs.parameters)[0] if self._near else None
         key = seen, b"" if near is None else near.tobytes()
@@ -170,10 +167,12 @@ class LazyTerms:
         if name == "positions":
             self.positions = terms.positions(x, seen)
         else:
-            found = terms.composed(x, seen)
-            self.psi, self.unforced, disturbance, self.c, self.least, self.most, known = found
-            self.polytopes, self.margin = known, terms.margin(x, seen, disturbance)
-        return vars(self)[name]
+            found = terms.choose(x, seen)(x)
+            self.psi, self.unforced, self.c = found.psi, found.unforced, found.c
+            self.least, self.most = found.least, found.most
+            self.polytopes = found.polytopes
+            self.margin = terms.margin(x, seen, found.disturbance)
+        return self.__dict__[name]
 
 
 class ObstaclesInSight:

@@ -7,10 +7,12 @@ of kinds only, and serves all agents that see as many of each kind.
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
-from typing import NamedTuple, Self
+from typing import Self
 
 import casadi as ca
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import BoundFunction
@@ -24,7 +26,7 @@ Placed = tuple[ca.Function, list[Index]]
 """A function of numbers and places, and these places."""
 
 
-class ComposedNumbers(NamedTuple):
+class ComposedNumbers(Struct, frozen=True):
     """Terms of composed pairs, as numbers; fields are those of Terms."""
 
     psi: Array
@@ -156,4 +158,4 @@ class ComposedFunction:
             A, b = np.split(row, [len(row) * len(c) // (len(c) + 1)])
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             composed.least[l], composed.most[l] = extremes(c, polytopes[l].corners)
-        return composed._replace(polytopes=polytopes)
+        return replace(composed, polytopes=polytopes)

@@ -1,8 +1,7 @@
 """A normal agent's input: the QP's, else the backup LP's, Section "maxpreserve"."""
 
-from typing import NamedTuple
-
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST, dot, inner
@@ -13,7 +12,7 @@ from phalanx.theory.rows.row import Row, Rows, Terms
 from phalanx.theory.safety.composition import FAR
 
 
-class Decision(NamedTuple):
+class Decision(Struct, frozen=True):
     """An agent's input and how it came about."""
 
     u: Array
@@ -66,7 +65,7 @@ def decide(
         u, origin = backup(terms, i, u_nom, qp, authority)
     if origin in (Origin.SOLVER_FAILED, Origin.BACKUP):
         require_numbers(least, row.bound)
-    residual = finite_or_none(max(inner(row.a, u) - row.bound, FAR))
+    residual = finite_or_none(max(inner(row.a.tolist(), u.tolist()) - row.bound, FAR))
     return Decision(u, origin, residual, finite_or_none(terms.margin))
 
 
@@ -99,7 +98,7 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
 def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | None]:
     """The largest a u - bound, at least FAR, and that row's margin; None for infinite ones."""
     residuals = dot(rows.a, u) - rows.bound
-    nearest = int(residuals.argmax()) if len(residuals) else None
+    nearest = int(residuals.argmax()) if residuals.size else None
     if nearest is None or residuals[nearest] <= FAR:
         return FAR, None
     margin = None if rows.margin is None else finite_or_none(float(rows.margin[nearest]))
@@ -108,7 +107,7 @@ def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | Non
 
 def finite_or_none(value: float) -> float | None:
     """The value, or None if it is infinite or nearly so."""
-    return value if abs(value) <= LARGEST else None
+    return value if -LARGEST <= value <= LARGEST else None
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:

@@ -3,14 +3,10 @@
 Declared adversaries count at their worst, γ_j^max, in every model.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
-
-import numpy as np
-
-from phalanx.arrays import Array
 
 
 class Information(StrEnum):
@@ -84,25 +80,26 @@ class InformationModel:
     silence: float
     """A normal agent without a broadcast for longer [s] counts like an adversary, at γ_l^max."""
 
-    def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
+    def usable(
+        self, received: Mapping[int, ReceivedInput], t: float
+    ) -> dict[int, tuple[float, ...]]:
         """û_l by agent, where it counts for an input that takes effect at t [s]."""
+        least, silence = self.unchanged, self.silence
         match self.kind:
             case Information.PAPER:
-                silence = self.silence
-                counted = {l: h for l, h in received.items() if t - h.t_apply <= silence}
+                return {l: h.u for l, h in received.items() if t - h.t_apply <= silence}
             case Information.IN_FLIGHT:
-                least = self.unchanged
-                counted = {l: h for l, h in received.items() if t < h.t_apply + least[l] - _INSTANT}
+                until = _INSTANT
+                return {l: h.u for l, h in received.items() if t < h.t_apply + least[l] - until}
             case _:
                 return {}
-        return {l: np.array(h.u) for l, h in counted.items()}
 
     def sharing(
         self,
         i: int,
         received: Mapping[int, ReceivedInput],
         t: float,
-        among: Sequence[int] | None = None,
+        among: Iterable[int] | None = None,
     ) -> list[int]:
         """Normal agents that are expected to keep their share at t [s], agent i included.
 
@@ -110,8 +107,9 @@ class InformationModel:
         """
         begun = t <= self.silence
         alive = {l for l, h in received.items() if t - h.t_apply <= self.silence}
-        normal = self.unchanged if among is None else [l for l in among if l in self.unchanged]
-        return [l for l in normal if l == i or begun or l in alive]
+        normal = self.unchanged
+        among = normal if among is None else among
+        return [l for l in among if l in normal and (l == i or begun or l in alive)]
 
 
 _INSTANT = 1e-9

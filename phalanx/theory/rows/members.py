@@ -141,5 +141,5 @@ class Positions:
         found: dict[int, Array] = {}
         for members, rows in self._groups:
             rows(x)
-            found.update(zip(members, rows.results.copy(), strict=True))
+            found |= zip(members, rows.results.copy(), strict=True)
         return found

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction, MappedRows
-from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.exact import inner
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
@@ -37,7 +38,7 @@ class OwnPair(NamedTuple):
         return 1 - self.own if len(self.chain.set.members) == 2 else None
 
 
-class PairTerms(NamedTuple):
+class PairTerms(Struct, frozen=True):
     """Terms at one sampled state, for each pair of agent i in sight; shapes (r,) unless given."""
 
     psi: Array
@@ -105,6 +106,8 @@ class _Chosen(NamedTuple):
 
     key: tuple[object, ...]
     groups: list[_Group]
+    known: list[Array]
+    """The results of all groups but the forces of the other members, and none if there are none."""
     others: tuple[int | None, ...]
     """As in PairTerms, like `half`."""
     half: Mask
@@ -128,7 +131,10 @@ class OwnPairTerms:
             near: as composed.ObstaclesInSight returns it.
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
-        self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
+        dynamics = swarm.members[i].dynamics
+        self._own = slice(swarm.begin[i], swarm.begin[i] + len(dynamics.states))
+        self._end = swarm.degree + 3 + len(dynamics.inputs)
+        """Count of a row's numbers before the forces of the other member."""
         self._chosen: _Chosen | None = None
 
     def __call__(
@@ -184,16 +190,15 @@ class OwnPairTerms:
         return _Chosen(
             key,
             groups,
+            known=[np.zeros((0, self._end)), *[g.rows.results[:, : self._end] for g in groups]],
             others=tuple(other if other < len(swarm.members) else None for other, _ in each),
             half=np.array([part is RowPart.HALF for _, part in each], dtype=np.bool_),
         )
 
     def _terms(self, chosen: _Chosen) -> PairTerms:
         """The results of all groups, one after the other."""
-        q, inputs = self._swarm.degree, len(self._swarm.members[self._i].dynamics.inputs)
-        end = q + 3 + inputs
-        known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in chosen.groups]]
-        numbers = np.concatenate(known)
+        q, end = self._swarm.degree, self._end
+        numbers = np.concatenate(chosen.known)
         unforced, most, margin = numbers[:, q : q + 3].T
         return PairTerms(
             psi=numbers[:, :q],
@@ -207,7 +212,10 @@ class OwnPairTerms:
         )
 
 
-def pair_rows(terms: PairTerms, received: Mapping[int, Array]) -> Rows:
+_HALF = RowPart.HALF.value
+
+
+def pair_rows(terms: PairTerms, received: Mapping[int, Sequence[float]]) -> Rows:
     """Agent i's rows.
 
     Args:
@@ -215,13 +223,13 @@ def pair_rows(terms: PairTerms, received: Mapping[int, Array]) -> Rows:
         received: û_l, shape (m_l,), of normal agents that count; others count at γ_l^max.
     """
     whole = terms.unforced + terms.most + terms.margin
-    half = RowPart.HALF.value * terms.unforced + terms.margin
+    half = _HALF * terms.unforced + terms.margin
     bound = -np.where(terms.half, half, whole)
     for k, other in enumerate(terms.others if received else ()):
         if other is None or terms.half[k]:
             continue
         if (u := received.get(other)) is not None:
-            bound[k] += terms.most[k] - float(dot(terms.forces[k], u))
+            bound[k] += terms.most[k] - inner(terms.forces[k].tolist(), u)
     return Rows(terms.a, bound, terms.margin)
 
 

@@ -143,7 +143,7 @@ class NearestInput:
             return self._in_box(u_nom, box, row)
         # The metric is diagonal: without rows the nearest input is u_nom clipped.
         clipped = np.minimum(np.maximum(u_nom, box.low), box.high)
-        if row is None or (dot(row.a, clipped) <= row.bound).all():
+        if row is None or np.logical_and.reduce(dot(row.a, clipped) <= row.bound):
             return clipped
         return self._solved(u_nom, polytope, row)
 
@@ -231,13 +231,13 @@ def nearest_in_box(
 
 def _at(components: Sequence[_Component], multiplier: float) -> tuple[list[float], float]:
     """u(λ) and aᵀu(λ)."""
-    u, value = [], 0.0
-    for wanted, slope, least, greatest, c in components:
-        component = wanted - multiplier * slope
-        if component < least:
-            component = least
-        elif component > greatest:
-            component = greatest
-        u.append(component)
+    u = [
+        least
+        if (free := wanted - multiplier * slope) < least
+        else (greatest if free > greatest else free)
+        for wanted, slope, least, greatest, _ in components
+    ]
+    value = 0.0
+    for component, (*_, c) in zip(u, components, strict=True):
         value += c * component
     return u, value

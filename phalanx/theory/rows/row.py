@@ -5,9 +5,10 @@ count at their worst, γ_j^max, in every model.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added, inner
@@ -53,7 +54,7 @@ class Terms(Protocol):
         """η and the part of the margin that depends on the state, as margins.margin sums them."""
 
 
-class Row(NamedTuple):
+class Row(Struct, frozen=True):
     """aᵀu <= bound."""
 
     a: Array
@@ -61,7 +62,7 @@ class Row(NamedTuple):
     bound: float
 
 
-class Rows(NamedTuple):
+class Rows(Struct, frozen=True):
     """a u <= bound, one row for each pair."""
 
     a: Array
@@ -72,7 +73,7 @@ class Rows(NamedTuple):
     """The part of each bound that is margin, shape (r,), if it is known."""
 
 
-def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
+def paper_row(terms: Terms, i: int, received: Mapping[int, Sequence[float]]) -> Row:
     """The constraint of (QPdistributed) and (psiQPdistributed), as printed.
 
     a = L_g ψ^{x_i} and bound = -(Σ_l drift_l + Σ_{l in N, l≠i} c_l û_l + Σ_{j in A} max c_j u
@@ -86,7 +87,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     others, c = terms.unforced + terms.margin, terms.c
     for l, most in terms.most.items():
         if l in received:
-            others += inner(c[l], received[l])
+            others += inner(c[l].tolist(), received[l])
         elif l != i:
             others += most
     return Row(c[i], -others)
@@ -122,17 +123,17 @@ def shares(terms: Terms, normal: Sequence[int]) -> Array:
     the same part of theirs. Equal shares would give leeway to agents that cannot use it, and take
     it from those in a conflict.
     """
-    parts: Array = _spans(terms, normal) / total_span(terms, normal)
-    return parts
+    spans = _spans(terms, normal)
+    return np.array(spans) / added(spans)
 
 
 def total_span(terms: Terms, normal: Sequence[int]) -> float:
     """W = Σ s_l, the largest effect of all normal agents together on ψ_q; above 0."""
-    return added(_spans(terms, normal).tolist())
+    return added(_spans(terms, normal))
 
 
-def _spans(terms: Terms, normal: Sequence[int]) -> Array:
-    return np.array([terms.most[l] - terms.least[l] + _FLOOR for l in normal])
+def _spans(terms: Terms, normal: Sequence[int]) -> list[float]:
+    return [terms.most[l] - terms.least[l] + _FLOOR for l in normal]
 
 
 def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
@@ -145,5 +146,5 @@ def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
         helping: agents that count at γ_l^min; all others count at γ_l^max.
     """
     least, most = terms.least, terms.most
-    extremes = added(least[l] if l in helping else most[l] for l in most)
+    extremes = added([least[l] if l in helping else most[l] for l in most])
     return terms.unforced + terms.margin + extremes

@@ -5,9 +5,10 @@ other agents that its rows contain.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
@@ -19,7 +20,7 @@ from phalanx.theory.rows.row import Row, Rows, Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 
 
-class FilterInput(NamedTuple):
+class FilterInput(Struct, frozen=True):
     """Agent i's knowledge at one control step."""
 
     t: float
@@ -38,7 +39,7 @@ class FilterInput(NamedTuple):
     """With information earned: agents in sight with which a pair may be split."""
 
 
-class Filtered(NamedTuple):
+class Filtered(Struct, frozen=True):
     """An input, and the received inputs that it rests on."""
 
     decision: Decision
@@ -92,7 +93,7 @@ class ComposedFilter:
 
     def _row(self, now: FilterInput) -> tuple[Row, list[int]]:
         terms, i, c = now.terms, self.i, now.terms.c
-        counted: dict[int, Array] = {}
+        counted: dict[int, tuple[float, ...]] = {}
         if self._share_margin is not None:
             sharing = self._information.sharing(i, now.received, now.t)
             row = split_row(terms, i, sharing, self._share_margin(now.x, terms, sharing))
@@ -121,13 +122,14 @@ class PairwiseFilter:
     def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
         """A row for each pair, and the agents whose û_l is in one."""
         information, i = self._information, self.i
-        sharing = information.sharing(i, now.received, now.t, now.seen) if self._split else []
-        sharing += now.trusted
+        if self._split:
+            sharing = information.sharing(i, now.received, now.t, now.seen)
+            return pair_rows(self._terms(now.x, now.seen, [*sharing, *now.trusted]), {}), []
         counted = _believed(information, now)
-        return pair_rows(self._terms(now.x, now.seen, sharing), counted), list(counted)
+        return pair_rows(self._terms(now.x, now.seen), counted), list(counted)
 
 
-def _believed(information: InformationModel, now: FilterInput) -> dict[int, Array]:
+def _believed(information: InformationModel, now: FilterInput) -> dict[int, tuple[float, ...]]:
     """û_l by agent, where it counts; an input that l's actuators do not take must be false."""
     usable, polytopes = information.usable(now.received, now.t), now.terms.polytopes
     return {l: u for l, u in usable.items() if polytopes[l].takes(u)}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.proven_filter import EarnedFilter
@@ -27,7 +28,7 @@ def decisions(reserve: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, 
         x[other.start + 1] = x[own.start + 1] + distance * np.sin(6.3 * angle)
         terms, towards = rows.terms(0)(x), np.array([4.0, 0.0])
         now = FilterInput(float(k), x, (0, 1, 2, 3, 4), terms, towards, {})
-        trusting = now._replace(trusted=frozenset({1}))
+        trusting = replace(now, trusted=frozenset({1}))
         split, whole, made = (f.decision.u for f in (first(trusting), first(now), earned(trusting)))
         place = [swarm.safe_set.pairs[p] for p in agent.pairs].index((0, 1))
         found.append((split, whole, made, float(agent(x, split)[place])))

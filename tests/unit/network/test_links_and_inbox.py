@@ -105,7 +105,7 @@ def inbox_of(links: LinkModel, senders: int = 1) -> BroadcastInbox:
 
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
-    received = inbox.received().get(sender)
+    received = inbox.received.get(sender)
     return None if received is None else int(received.u[0])
 
 
@@ -163,7 +163,7 @@ def test_the_first_of_two_claims_to_one_number_counts():
     rival = Broadcast(k=0, t_apply=0.0, u=(99.0, 0.0))
     assert not inbox.put(0, rival)
     inbox.advance(upto(0), 1.0)
-    assert inbox.received()[0].u == (0.0, 0.0)
+    assert inbox.received[0].u == (0.0, 0.0)
 
 
 def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():
@@ -243,7 +243,7 @@ def test_senders_do_not_disturb_one_another():
     inbox = inbox_of(model(), senders=3)
     inbox.put(1, broadcast(0))
     inbox.advance(upto(-1, 0, -1), 1.0)
-    assert set(inbox.received()) == {1}
+    assert set(inbox.received) == {1}
 
 
 def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
@@ -320,16 +320,16 @@ def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come
     (first, second) = inbox.advance(arrived, 0.03)
     assert (first.k, first.delay) == (0, pytest.approx(0.014))
     assert (second.k, second.delay) == (2, pytest.approx(0.013))
-    assert inbox.received()[1].u == (0.0,), "the second is still on its way"
+    assert inbox.received[1].u == (0.0,), "the second is still on its way"
     assert not inbox.put(1, Broadcast(k=1, t_apply=0.01, u=(1.0,)), 0.031)
     inbox.advance(inbox.up_to_newest(exist), 0.033)
-    assert inbox.received()[1].u == (2.0,)
+    assert inbox.received[1].u == (2.0,)
 
 
 def test_in_real_time_no_broadcast_counts_before_its_input_takes_effect():
     inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model()))
     inbox.put(1, Broadcast(k=0, t_apply=0.02, u=(1.0,)), 0.001)
     assert inbox.advance({1: (0, 0)}, 0.01)[0].delay == 0.0
-    assert not inbox.received()
+    assert not inbox.received
     inbox.advance({1: (0, 0)}, 0.02)
-    assert inbox.received()
+    assert inbox.received

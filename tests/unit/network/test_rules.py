@@ -59,7 +59,7 @@ def test_an_inbox_takes_a_duplicate_once():
     inbox = inbox_of(LinkModel((Stage("duplicate", Always(DUPLICATE)),)), 3)
     fates = inbox.advance({0: (0, 2)}, 1.0)
     assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
-    assert inbox.received()[0].u == (2.0, 0.0)
+    assert inbox.received[0].u == (2.0, 0.0)
     assert not inbox.put(0, broadcast(2))
 
 
@@ -69,9 +69,10 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
     inbox = inbox_of(model(corrupt=0.2), 200)
     fates = inbox.advance({0: (0, 199)}, 9.0)
-    taken = inbox.take_corrupt()
+    taken = inbox.corrupt
     assert [m.k for _, m in taken] == [f.k for f in fates if f.delay < 0.0] == damaged[: len(taken)]
-    assert inbox.take_corrupt() == []
+    inbox.advance({0: (0, 199)}, 9.0)
+    assert inbox.corrupt == []
     key, sealer = Keys("run").broadcast("a", "b"), Sealer(b"secret")
     for _, message in taken:
         with pytest.raises(Malformed, match="bad seal"):
@@ -141,9 +142,9 @@ def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
     assert arrivals == pytest.approx([0.5 if 0.2 <= t < 0.5 else t for t in expected])
     inbox = inbox_of(held, 60)
     inbox.advance({0: (0, 48)}, 0.499)
-    assert inbox.received()[0].u[0] == 14
+    assert inbox.received[0].u[0] == 14
     inbox.advance({0: (0, 49)}, 0.5)
-    assert inbox.received()[0].u[0] == 45
+    assert inbox.received[0].u[0] == 45
 
 
 @dataclass(frozen=True)
@@ -198,14 +199,12 @@ def test_two_rules_of_one_class_draw_each_for_itself():
 def test_each_of_a_messages_draws_is_kept_by_chance_of_its_own(column):
     """Loss and delay of a message may be drawn side by side: neither has a part in the other."""
 
-    def table(purpose: str) -> Draws:
-        return Draws(0, purpose, width=2)
-
-    before = table("wind").value(0, column)
+    tables = {purpose: Draws(0, purpose, width=2) for purpose in ("wind", "wind kept")}
+    before = tables["wind"].value(0, column)
     for k in range(600):
-        message = Message("a", "b", k, 0.0, 0.0, 1.0, 0, 0.0, table)
-        if table("wind kept").value(k, column) >= 0.7:
-            before = table("wind").value(k, column)
+        message = Message("a", "b", k, 0.0, 0.0, 1.0, 0, 0.0, tables)
+        if tables["wind kept"].value(k, column) >= 0.7:
+            before = tables["wind"].value(k, column)
         assert message.draw("wind", column, kept=0.7) == before
 
 

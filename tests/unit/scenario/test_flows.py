@@ -7,6 +7,8 @@ import pytest
 
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json, validate
 from phalanx.scenario.model import Scenario
+from phalanx.scenario.placement import Flow
+from phalanx.theory.laws.goals import Sight
 
 SMALL = {"agents.0.count": 7, "agents.1.count": 1}
 
@@ -67,7 +69,8 @@ def test_places_follow_the_seed():
 
 def test_every_flow_moves_as_a_whole_along_its_axis():
     flows, start = load("swarm", SMALL).flows, np.array([1.0, 2.0, 3.0])
-    goals = [flows.goal(i, start, 4.0) for i in range(12)]
+    sight = Sight(4.0, "1", lambda _: None)
+    goals = [Flow(flows, i, start).goal(sight) for i in range(12)]
     directions = [tuple((goal.velocity / flows.speed).tolist()) for goal in goals]
     assert len(set(directions)) == 6
     assert directions[:6] == directions[6:]

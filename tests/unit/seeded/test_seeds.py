@@ -39,7 +39,7 @@ def test_rows_decided_before_a_change_stay_also_in_tables_of_other_purposes():
         tables.decide(row, row / 100)
     seeds.change(3.0, 2)
     tables.decide(300, 3.0)
-    late = tables("made after the change")
+    late = tables["made after the change"]
     one, other = (Draws(seed, "link", "made after the change") for seed in (1, 2))
     assert [late.value(k) for k in range(300)] == [one.value(k) for k in range(300)]
     assert [late.value(k) for k in range(300, 600)] == [other.value(k) for k in range(300, 600)]

@@ -1,13 +1,15 @@
 """Laws of agents whose inputs are accelerations: tracking, and a chase that avoids its own side."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.laws.goals import hold
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.tracking import OutputDerivatives
+from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from tests.unit.swarms import rows_of_scenario
@@ -15,13 +17,14 @@ from tests.unit.swarms import rows_of_scenario
 
 def test_tracking_gives_the_output_the_wanted_acceleration_but_for_drag():
     law = build_swarm(load("formation3d")).law(0)
-    output = OutputDerivatives(DoubleIntegrator(2.0, 0.5, 3))
+    chain = output_chain(DoubleIntegrator(2.0, 0.5, 3))
     assert law.gains == (2.0, 2.8284271247461903)
     x, u_nom = np.arange(6.0), np.array([0.3, -0.2, 1.0])
-    assert output(x) == pytest.approx(x.reshape(2, 3))
-    assert output.input_for(x, u_nom) == pytest.approx(u_nom)
-    assert OutputDerivatives(Unicycle(1.0, 1.0)).degree == 1
-    assert OutputDerivatives(SingleIntegrator(1.0)).degree == 1
+    evaluate = CompiledFunction([chain.x], [ca.vertcat(*chain.derivatives[:-1])])
+    assert evaluate(x)[0] == pytest.approx(x)
+    assert np.array(ca.DM(chain.input_for(ca.SX(u_nom)))).ravel() == pytest.approx(u_nom)
+    assert output_chain(Unicycle(1.0, 1.0)).degree == 1
+    assert output_chain(SingleIntegrator(1.0)).degree == 1
 
 
 def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
