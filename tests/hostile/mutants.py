@@ -46,6 +46,15 @@ _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_
 _COORDINATOR = "phalanx/studies/coordinator.py"
 _TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
 _INVENTORY = "phalanx/studies/inventory.py"
+_AUDIT, _TEST_AUDITS = "phalanx/wire/audit.py", "tests/unit/agent/test_audits.py"
+_AUDITS = "agent/phalanx_agent/audits.py"
+_SIGNATURES, _EQUIVOCATION = "phalanx/wire/signatures.py", "phalanx/wire/equivocation.py"
+_TEST_EQUIVOCATION = "tests/unit/wire/test_equivocation.py"
+_WATCH, _TEST_WATCH = "phalanx/swarm/watch.py", "tests/unit/swarm/test_watch.py"
+_PROOFS, _TEST_PROOFS = (
+    "phalanx/guarantee/proven_filter.py",
+    "tests/unit/guarantee/test_proven_filter.py",
+)
 
 MUTANTS = (
     Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
@@ -248,6 +257,47 @@ MUTANTS = (
            "other.parameters = np.concatenate([np.zeros(0), *map(parameters_of, obstacles)])",
            "pass",
            "tests/unit/studies/test_work.py"),
+    Mutant("any digest", _AUDIT, "digest_of(reveal) != claim.digest", "False", _TEST_AUDITS),
+    Mutant("any input of an audited step", _AUDIT,
+           "found != Claim(claim.t_apply, claim.u)", "found.t_apply != claim.t_apply",
+           _TEST_AUDITS),
+    Mutant("any time of effect of an audited step", _AUDIT,
+           "found != Claim(claim.t_apply, claim.u)", "found.u != claim.u", _TEST_AUDITS),
+    Mutant("a challenge that is never asked", _AUDIT, "if now * _EVERY < 1.0:", "if False:",
+           _TEST_AUDITS),
+    Mutant("a reveal that anyone signed", _AUDIT,
+           " and witness.signatures.genuine_reveal(reveal)", "", _TEST_AUDITS),
+    Mutant("a broadcast and a reveal of two numbers", _AUDIT,
+           "(claim.sender, claim.k) != (reveal.sender, reveal.k)", "False", _TEST_AUDITS),
+    Mutant("received broadcasts that nobody signed", _AUDIT,
+           "not all(witness.genuine(received) for received in reveal.received)", "False",
+           _TEST_AUDITS),
+    Mutant("an answer to another challenge", _AUDIT,
+           "(l, reveal.k) == (open_.of, open_.number)", "l == open_.of", _TEST_AUDITS),
+    Mutant("silence that costs no trust", _AUDIT, "self.unanswering.add(self._challenge.of)",
+           "pass", _TEST_AUDITS),
+    Mutant("silence that its watch does not know of", _AUDITS,
+           "watch.unanswering = auditor.unanswering", "pass", _TEST_AUDITS),
+    Mutant("a misstep that its watch does not know of", _AUDITS,
+           "watch.convicted.update(each.claim.sender for each in found)", "pass", _TEST_AUDITS),
+    Mutant("a state of its own that an agent made up", _WATCH,
+           "if not earlier or l in self.convicted:", "if True:", _TEST_WATCH),
+    Mutant("signatures of any digest", _SIGNATURES, "(*stated, claim.digest)", "stated",
+           _TEST_AUDITS),
+    Mutant("claims that nobody signed", _EQUIVOCATION,
+           "not (signatures.genuine(first) and signatures.genuine(second))", "False",
+           _TEST_EQUIVOCATION),
+    Mutant("claims of two numbers", _EQUIVOCATION, "first.k != second.k", "False",
+           _TEST_EQUIVOCATION),
+    Mutant("a reserve that is one period short", _WATCH, "stale + 2.0 * swarm.horizon(i)",
+           "stale + swarm.horizon(i)", _TEST_WATCH),
+    Mutant("trust that lasts one period longer", _WATCH,
+           "3.0 * swarm.horizon(i) + swarm.horizon(l)",
+           "4.0 * swarm.horizon(i) + swarm.horizon(l)", _TEST_WATCH),
+    Mutant("trust without a reserve", _PROOFS, "times < self._reserve", "times < 0.0",
+           "tests/unit/guarantee/test_earned_filter.py"),
+    Mutant("pairs that are quiet until they may meet", _PROOFS,
+           "OwnProofs(rows, i, rows.swarm.horizon(i))", "OwnProofs(rows, i, 0.0)", _TEST_PROOFS),
 )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from phalanx.network.inbox import Claim
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Broadcaster, build_swarm
-from phalanx.wire.audit import PATIENCE, Auditor, convicts
+from phalanx.wire.audit import PATIENCE, Auditor, _Challenge, convicts
 from phalanx.wire.equivocation import NotProvenError, Witness, claim_of
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import AuditedBroadcast, AuditedClaim, Reveal
@@ -131,6 +131,8 @@ def test_who_announces_what_its_step_does_not_give_is_convicted_by_all(name):
     if "equivocate" not in LIES[name]:
         assert {each.proof for each in trust.convictions} >= {"replay"}
     assert all(each.after > 0.0 for each in trust.convictions)
+    for step in run.agents.steps.values():
+        assert not step.audits or step.audits._watch.convicted == {LIAR} - {step.i}
 
 
 def test_a_hijack_whose_announcements_are_its_steps_passes_audits():
@@ -176,6 +178,10 @@ FORGED = {
     "an altered digest": lambda c, r: (changed(c, digest=bytes(32)), r),
     "another number": lambda c, r: (changed(c, k=c.k + 1), changed(r, k=r.k + 1)),
     "a reveal of another number": lambda c, r: (c, changed(r, k=r.k + 1)),
+    "a reveal of another number, signed": lambda c, r: (
+        c,
+        Signatures(HOME, NAMES, HONEST).sign_reveal(changed(r, k=r.k - 1)),
+    ),
     "an altered sample": lambda c, r: (c, changed(r, x=bytes(len(r.x)))),
     "an altered time of the sample": lambda c, r: (c, changed(r, t=r.t + 0.001)),
     "nothing seen": lambda c, r: (c, changed(r, seen=(), x=b"")),
@@ -225,9 +231,33 @@ def test_forged_evidence_convicts_nobody(name, run, true):
 
 def test_a_signed_reveal_that_does_not_match_its_digest_convicts(run, true):
     claim, reveal = true
-    other = Signatures(HOME, NAMES, HONEST).sign_reveal(changed(reveal, received=()))
+    # The step's input does not depend on trust, but its digest does.
+    other = Signatures(HOME, NAMES, HONEST).sign_reveal(changed(reveal, trusted=(1,)))
+    witness, replay = Witness(THIRD, {}, Signatures(HOME, NAMES, THIRD)), StepReplay(run.rows)
+    assert replay(other) == replay(reveal)
+    assert convicts(claim, other, witness, replay)
+
+
+@pytest.mark.parametrize("other", [{"u": (0.5, 0.5)}, {"t_apply": 9.0}])
+def test_a_signed_broadcast_that_is_not_the_step_revealed_convicts(other, run, true):
+    claim, reveal = true
+    stated = changed(claim, **other)
+    signed = Signatures(HOME, NAMES, HONEST).sign(
+        stated.k, stated.t_apply, stated.u, digest_of(reveal)
+    )
     witness = Witness(THIRD, {}, Signatures(HOME, NAMES, THIRD))
-    assert convicts(claim, other, witness, StepReplay(run.rows))
+    assert convicts(signed, reveal, witness, StepReplay(run.rows))
+
+
+def test_an_agents_trust_follows_its_audits(run):
+    for i, step in run.agents.steps.items():
+        if step.audits and i != LIAR:
+            watch, auditor = step.audits._watch, step.audits.auditor
+            auditor.unanswering.add(LIAR)
+            watch.checked_until[LIAR] = 1.0
+            assert LIAR not in watch.trusted(1.0)
+            auditor.unanswering.remove(LIAR)
+            assert LIAR in watch.trusted(1.0)
 
 
 GARBAGE = {
@@ -294,3 +324,18 @@ def test_who_does_not_answer_is_trusted_no_more_until_it_does():
             break
     assert when[True] >= PATIENCE
     assert asks.proven == answers.proven == {}
+
+
+def test_a_reveal_of_another_number_answers_no_challenge():
+    broadcasters, draws = {HONEST: Broadcaster(HONEST, 1, 100)}, Draws(0, "audit", "3", width=2)
+    witness = Witness(THIRD, broadcasters, Signatures(HOME, NAMES, THIRD))
+    asks = Auditor(THIRD, witness, lambda shown: Claim(shown.t, (1.0,)), draws, {HONEST: 1.0})
+    asks._challenge, own = _Challenge(HONEST, 5, 0, 9.0), Signatures(HOME, NAMES, HONEST)
+    for k, answered in ((4, []), (5, [5])):
+        shown = own.sign_reveal(reveal(k))
+        witness._compare(own.sign(k, shown.t, (1.0,), digest_of(reveal(k))), verified=True)
+        carrier = AuditedBroadcast(
+            k=9, t_apply=0.1, u=(1.0,), signature=b"", relayed=(), digest=b"", reveal=shown
+        )
+        assert asks.hear(0.1, [(HONEST, carrier)]) == []
+        assert [each.k for each in asks.answered] == answered

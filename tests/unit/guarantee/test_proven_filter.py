@@ -6,11 +6,13 @@ from phalanx_agent.controller import DistributedController
 
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.guarantee.proven_filter import ProvenFilter
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import EMPTY, Origin
+from phalanx.theory.rows.safety_filter import FilterInput
 
 HIJACK = [{"kind": "hijack", "at": 6.0, "agents": ["2"]}]
 
@@ -57,6 +59,22 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
             assert second.origin in (*EMPTY, Origin.QP, Origin.SOLVER_FAILED)
             assert after == before
     assert replaced > 3
+
+
+@pytest.mark.slow
+def test_quiet_pairs_are_looked_at_again_while_their_proof_lasts_as_long_as_an_input():
+    rows = build_rows(build_swarm(load("guaranteed")))
+    far, tau = rows.swarm.start(), rows.swarm.horizon(0)
+    own, other = (rows.swarm.safe_set.parts[l] for l in (0, 3))
+    close = far.copy()
+    close[other.start] = close[own.start] + 1.2
+    close[other.start + 1] = close[own.start + 1]
+    seen = tuple(range(5))
+    for later, looked in ((6.9, False), (7.1, True)):
+        proofs = ProvenFilter(rows, 0, rows.filter(0)).proofs
+        assert proofs.near(FilterInput(0.0, far, seen, None, np.zeros(2), {})) is None
+        found = proofs.near(FilterInput(later * tau, close, seen, None, np.zeros(2), {}))
+        assert (found is not None) == looked
 
 
 @pytest.mark.nightly
