@@ -93,13 +93,12 @@ class DistributedController:
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
         if not swarm.members[i].adversary:
-            first = rows.row_filter(i)
             if self._watch is not None:
-                first = EarnedFilter(rows, i, first, self._watch.conviction_takes)
-                self._proofs.append(first.proofs)
-            self._filter = first
+                takes = self._watch.conviction_takes
+                self._filter = earned = EarnedFilter(rows, i, self._filter, takes)
+                self._proofs.append(earned.proofs)
             if swarm.safety.prove:
-                self._filter = proven = ProvenFilter(rows, i, first)
+                self._filter = proven = ProvenFilter(rows, i, self._filter)
                 self._proofs.append(proven.proofs)
         self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency

@@ -58,16 +58,17 @@ class PairCertificate:
         pairs: states of each pair's members in order, and its obstacle's numbers, shape (r, n). u:
         the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
         """
-        best, u = np.zeros(len(pairs)), np.broadcast_to(u, (len(pairs), u.shape[-1]))
+        best = np.zeros(len(pairs))
         if self.proven is None:
             return best
+        rows = np.empty((len(pairs), self.proven.inputs))
+        rows[:, : pairs.shape[1]], rows[:, pairs.shape[1] : -1] = pairs, u
         for horizon in self.horizons:
             open_ = np.flatnonzero(best < horizon)
             if not len(open_):
                 break
-            rows = np.column_stack([pairs[open_], u[open_], np.full(len(open_), horizon)])
-            places = np.arange(rows.size).reshape(rows.shape)
-            best[open_] = np.maximum(best[open_], self.proven(rows.ravel(), places)[:, 0])
+            rows[:, -1] = horizon
+            best[open_] = np.maximum(best[open_], self.proven.rows(rows[open_])[:, 0])
         return best
 
 
@@ -121,17 +122,27 @@ def pair_certificate(
 
 
 @outwards()
-def highest_within(pair: ComposedSet, bounds: Sequence[float], horizon: float) -> MappedFunction:
-    """Compile (x, parameters) -> upper bound of h within the horizon; infinite if there is none."""
+def least_now(pair: ComposedSet) -> ca.SX:
+    """Bound h from below at the sample; -inf if there is no bound."""
+    symbols = scalars([pair.x, pair.parameters])
+    try:
+        (found,) = extend([pair.h_tot], symbols, list(map(point, symbols)))
+    except UnboundedOperationError:
+        return ca.SX(-ca.inf)
+    return found.lo
+
+
+@outwards()
+def highest_within(pair: ComposedSet, bounds: Sequence[float], horizon: float) -> ca.SX:
+    """Bound h from above within the horizon; inf if there is no bound."""
     try:
         reach = [
             reach_within(member, pair.x[part], bound, horizon)
             for member, part, bound in zip(pair.members, pair.parts, bounds, strict=True)
         ]
-        highest = _highest(pair, reach)
+        return _highest(pair, reach)
     except ValueError:  # a pair that is refused
-        highest = ca.SX(ca.inf)
-    return MappedFunction([pair.x, pair.parameters], [highest])
+        return ca.SX(ca.inf)
 
 
 class Reach(NamedTuple):

@@ -14,6 +14,7 @@ from phalanx.guarantee.certificate import (
     MULTIPLES,
     PairCertificate,
     highest_within,
+    least_now,
     pair_certificate,
 )
 from phalanx.swarm.swarm import Swarm
@@ -44,6 +45,8 @@ class _Kind(NamedTuple):
     highest: MappedFunction
     """(x and the obstacle's numbers) -> upper bound of h within the longest horizon for all inputs
     of all agents. It is cheap."""
+    least: MappedFunction
+    """(x and the obstacle's numbers) -> lower bound of h now. It is cheaper still."""
     sizes: list[int]
     """Number of variables of each side."""
 
@@ -106,23 +109,14 @@ class SwarmCertificates:
             which, places = which[may_meet], places[may_meet]
             if len(which):
                 u = np.stack([held[k].u for k in of[which].tolist()])
-                found[which] = kind.certificate.times(numbers.ravel()[places], u)
+                # Of an unsafe pair nothing can be proven.
+                safe = ~(kind.least(numbers.ravel(), places)[:, 0] > 0.0)
+                proven = kind.certificate.times(numbers.ravel()[places[safe]], u[safe])
+                found[which], found[which[safe]] = 0.0, proven
         ends = np.cumsum([0, *[len(agent.pairs) for agent in agents]])
         times = np.repeat([agent.longest for agent in agents], np.diff(ends))
         times[ends[of] + np.concatenate(chosen)] = found
         return [times[begin:end] for begin, end in pairwise(ends.tolist())]
-
-    def may_meet(self, agent: "AgentCertificates", x: Array, near: Mask) -> Mask:
-        """Return which of an agent's pairs may be unsafe within its longest horizon, shape (p,).
-
-        It holds for all inputs of all agents. near: pairs to consider; the others are False.
-        """
-        numbers, found = self.pairs.numbers(x), near.copy()
-        for number in np.unique(agent.kinds[near]).tolist():
-            kind, which = self.kinds[number], np.flatnonzero(near & (agent.kinds == number))
-            places = agent.places[which, : sum(kind.sizes)]
-            found[which] = ~(kind.highest(numbers, places)[:, 0] <= 0.0)
-        return found
 
     def _compiled(self, pair: int, own: int) -> _Kind:
         """Compile a pair's kind, or take that of a view of the same swarm."""
@@ -136,7 +130,11 @@ class SwarmCertificates:
         def compiled() -> _Kind:
             highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
             made = pair_certificate(alone, own, alphas, bounds, tau)
-            return _Kind(made, highest, alone.sizes)
+            above, below = (
+                MappedFunction([alone.x, alone.parameters], [bound])
+                for bound in (highest, least_now(alone))
+            )
+            return _Kind(made, above, below, alone.sizes)
 
         def of_process() -> _Kind:
             # Another run of this process may have had such a pair.
@@ -155,6 +153,25 @@ def _limits_text(pair: ComposedSet, alphas: Sequence[ClassK]) -> str:
     return " ".join([*[m.name for m in pair.members], found])
 
 
+class Near(NamedTuple):
+    """Pairs of an agent that may become unsafe within its longest horizon."""
+
+    pairs: Mask
+    """shape (p,)"""
+    unsafe: Mask
+    """Those with h > 0 now: nothing is proven of them for any input, shape (p,)."""
+
+
+class _Group(NamedTuple):
+    """An agent's pairs of one kind."""
+
+    kind: _Kind
+    which: Index
+    """Their places among the agent's pairs, shape (r,)."""
+    places: Index
+    """Positions of their variables, shape (r, n)."""
+
+
 class AgentCertificates:
     """The certificates of all pairs of normal agent i."""
 
@@ -171,6 +188,7 @@ class AgentCertificates:
         sides = (swarm.ends[mine, 0] != i).astype(np.intp)
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
         """Number of each pair's kind, shape (p,)."""
+        self._groups: list[_Group] = []
         width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Positions of each pair's variables, shape (p, n), padded with zeros."""
@@ -178,7 +196,9 @@ class AgentCertificates:
         for sort in np.unique(sorts).tolist():
             which = np.flatnonzero(sorts == sort)
             number = swarm.kind(self.pairs[which[0]], sort % 2)
-            places = spread(swarm.pairs.begin, swarm.ends[mine[which]], swarm.kinds[number].sizes)
+            kind = swarm.kinds[number]
+            places = spread(swarm.pairs.begin, swarm.ends[mine[which]], kind.sizes)
+            self._groups.append(_Group(kind, which, places))
             self.kinds[which] = number
             self.places[which, : places.shape[1]] = places
 
@@ -191,6 +211,41 @@ class AgentCertificates:
             for pair, certificate in zip(self.pairs, each, strict=True)
             if certificate.proven is None
         }
+
+    def near(self, x: Array, pairs: Mask) -> Near:
+        """Return which of these pairs may become unsafe within the longest horizon.
+
+        It holds for all inputs of all agents. pairs: shape (p,).
+        """
+        numbers, found = self._swarm.pairs.numbers(x), Near(*np.zeros((2, len(pairs)), dtype=bool))
+        for kind, which, places in self._groups:
+            if (some := pairs[which]).any():
+                chosen = places[some]
+                may_meet = ~(kind.highest(numbers, chosen)[:, 0] <= 0.0)
+                found.pairs[which[some]] = may_meet
+                if may_meet.any():
+                    found.unsafe[which[some]] = kind.least(numbers, chosen)[:, 0] > 0.0
+        return found
+
+    def times(self, x: Array, inputs: Array, near: Near) -> Array:
+        """Return for each input the times for which pairs are proven safe [s], shape (k, p).
+
+        Args:
+            x: shape (n̄,).
+            inputs: shape (k, m_i).
+            near: at x; all other pairs are safe for the longest horizon.
+        """
+        numbers = self._swarm.pairs.numbers(x)
+        found = np.full((len(inputs), len(near.pairs)), self.longest)
+        found[:, near.unsafe] = 0.0
+        open_ = near.pairs & ~near.unsafe
+        for kind, which, places in self._groups:
+            if (some := open_[which]).any():
+                pairs = numbers[places[some]]
+                each = np.tile(pairs, (len(inputs), 1)), np.repeat(inputs, len(pairs), axis=0)
+                times = kind.certificate.times(*each)
+                found[:, which[some]] = times.reshape(len(inputs), -1)
+        return found
 
     def __call__(self, x: Array, u: Array, near: Array | None = None) -> Array:
         """Return the time for which each pair is proven safe with one input [s]."""

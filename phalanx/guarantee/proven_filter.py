@@ -15,15 +15,15 @@ import numpy as np
 from msgspec.structs import replace
 
 from phalanx.arrays import Array, Mask
-from phalanx.guarantee.certificates import Held, SwarmCertificates
+from phalanx.guarantee.certificates import Near, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.rows.decision import decide_pairs
+from phalanx.theory.rows.decision import Decision, decide_pairs
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
-from phalanx.theory.rows.safety_filter import Filtered, FilterInput, RowFilter
+from phalanx.theory.rows.safety_filter import Filtered, FilterInput, SafetyFilter
 
 _ROUNDS = 3
 """Searches for the longest certified time: the later ones around the best input so far."""
@@ -59,8 +59,8 @@ class OwnProofs:
     def memory(self, quiet_until: Array) -> None:
         self._quiet_until[:], self._seen = quiet_until, ()
 
-    def near(self, now: FilterInput) -> Mask | None:
-        """Pairs in sight that may become unsafe in the time needed, shape (p,); None without any.
+    def near(self, now: FilterInput) -> Near | None:
+        """Pairs in sight that may become unsafe in the time needed; None without any.
 
         Most are too far apart for several samples, for all inputs, and are not looked at meanwhile.
         """
@@ -71,61 +71,51 @@ class OwnProofs:
         elif self._all_quiet_until >= now.t + self._needed:
             return None
         due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
-        if due.any():
-            may_meet = self._certificates.may_meet(self.own, now.x, due)
-            self._quiet_until[due & ~may_meet] = now.t + self.own.longest
-            due = may_meet
+        near = self.own.near(now.x, due) if due.any() else None
+        if near is not None:
+            self._quiet_until[due & ~near.pairs] = now.t + self.own.longest
         self._all_quiet_until = float(self._quiet_until[self._in_sight].min(initial=np.inf))
-        return due if due.any() else None
+        return near if near is not None and near.pairs.any() else None
 
-    def times(self, now: FilterInput, near: Mask, inputs: Sequence[Array]) -> list[Array]:
-        """Return for each input the times for which its pairs are proven safe [s]."""
-        held = [Held(self.own, now.x, u, near.astype(np.float64)) for u in inputs]
-        return self._certificates.proven(held)
+    def times(self, now: FilterInput, near: Near, inputs: Sequence[Array]) -> Array:
+        """Return for each input the times for which its pairs are proven safe [s], shape (k, p)."""
+        return self.own.times(now.x, np.stack(inputs), near)
 
 
 class EarnedFilter:
     """A filter that splits pairs with trusted agents only under a reserve."""
 
     def __init__(
-        self, rows: SafetyRows, i: int, first: RowFilter, reserve: Mapping[int, float]
+        self, rows: SafetyRows, i: int, first: SafetyFilter, reserve: Mapping[int, float]
     ) -> None:
         """reserve: by agent, the time until a betrayal would be convicted [s]."""
-        self.i, self._first = i, first
+        self._first = first
         self.proofs = OwnProofs(rows, i, max(reserve.values(), default=0.0))
         others = self.proofs.others.tolist()
         self._reserve = np.array([reserve.get(l, 0.0) for l in others])
 
     def __call__(self, now: FilterInput) -> Filtered:
-        """The input to apply."""
-        return self._with_reserve(now)[0]
-
-    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
-        """The rows of the input to apply."""
-        return self._first.rows(self._with_reserve(now)[1])
-
-    def _with_reserve(self, now: FilterInput) -> tuple[Filtered, FilterInput]:
         """Trust fewer agents until certificates cover the reserve of all that are trusted."""
         filtered = self._first(now)
-        if not now.trusted:
-            return filtered, now
-        near = self.proofs.near(now)
-        while now.trusted and near is not None:
+        if not now.trusted or (near := self.proofs.near(now)) is None:
+            return filtered
+        while now.trusted:
             (times,) = self.proofs.times(now, near, [filtered.decision.u])
-            short = set(self.proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
+            short = set(self.proofs.others[near.pairs & (times < self._reserve)].tolist())
+            short &= now.trusted
             if not short:
                 break
             now = replace(now, trusted=now.trusted - short)
             filtered = self._first(now)
-        return filtered, now
+        return filtered
 
 
 class ProvenFilter:
     """A filter whose inputs the agent's own certificates cover until its next sample, if any do."""
 
-    def __init__(self, rows: SafetyRows, i: int, first: RowFilter) -> None:
+    def __init__(self, rows: SafetyRows, i: int, first: SafetyFilter) -> None:
         """Prove inputs of normal agent i's first filter; rows: as that agent knows the swarm."""
-        self._first, self._pairs = first, rows.pair_terms(i)
+        self._i, self._first, self._pairs = i, first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
         self.proofs = OwnProofs(rows, i, rows.swarm.horizon(i))
         self._own = self.proofs.own
@@ -135,52 +125,64 @@ class ProvenFilter:
         filtered = self._first(now)
         near = self.proofs.near(now)
         if near is None:
-            return self._reported(filtered, self._own.longest)
+            return _proven(filtered, self._own.longest)
+        if near.unsafe.any():
+            return _proven(filtered, 0.0)
         (times,) = self.proofs.times(now, near, [filtered.decision.u])
-        weak = near & (times < self._own.tau)
+        first, weak = float(times.min()), times < self._own.tau
         if not weak.any():
-            return self._reported(filtered, float(times[near].min()))
-        whole = self._with_whole_rows(now, weak)
-        (again,) = self.proofs.times(now, near, [whole.decision.u])
-        if whole.decision.origin is Origin.PROVEN and not (again[near] < self._own.tau).any():
-            return self._reported(whole, float(again[near].min()))
-        u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u])
+            return _proven(filtered, first)
+        whole = self._with_whole_rows(now, filtered, weak)
+        again = float(self.proofs.times(now, near, [whole.decision.u]).min())
+        if whole.decision.origin is Origin.PROVEN and again >= self._own.tau:
+            return _proven(whole, again)
+        known = {filtered.decision.u.tobytes(): first, whole.decision.u.tobytes(): again}
+        u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u], known)
         if longest > 0.0 and u is not filtered.decision.u:
             made = replace(filtered.decision, u=u, origin=Origin.LONGEST, proven=longest)
             return Filtered(made, [])
-        return self._reported(filtered, float(times[near].min()))
+        return _proven(filtered, first)
 
-    def _reported(self, filtered: Filtered, least: float) -> Filtered:
-        """Add for how long the pairs near are proven safe [s]."""
-        proven = min(least, self._own.longest)
-        return Filtered(replace(filtered.decision, proven=proven), filtered.used)
-
-    def _with_whole_rows(self, now: FilterInput, weak: Mask) -> Filtered:
+    def _with_whole_rows(self, now: FilterInput, first: Filtered, weak: Mask) -> Filtered:
         """Solve the QP with the first filter's rows and whole rows for these pairs."""
-        rows, used = self._first.rows(now)
+        assert first.rows is not None
         terms = self._pairs(now.x, now.seen)
         agents, others = self.proofs.agents, self.proofs.others[weak].tolist()
         counted = {l if l < agents else None for l in others}
         chosen = np.array([l in counted for l in terms.others], dtype=bool)
         every = pair_rows(terms, {})
-        a, bound = every.a[chosen], every.bound[chosen]
-        joined = Rows(np.concatenate([rows.a, a]), np.concatenate([rows.bound, bound]))
-        inputs = now.terms.polytopes[self._first.i]
-        decision = decide_pairs(inputs, joined, now.u_nom, self._qp)
+        a = np.concatenate([np.atleast_2d(first.rows.a), every.a[chosen]])
+        bound = np.concatenate([np.atleast_1d(first.rows.bound), every.bound[chosen]])
+        inputs = now.terms.polytopes[self._i]
+        decision = decide_pairs(inputs, Rows(a, bound), now.u_nom, self._qp)
         origin = Origin.PROVEN if decision.origin is Origin.QP else decision.origin
-        return Filtered(replace(decision, origin=origin), used)
+        return Filtered(replace(decision, origin=origin), first.used)
 
     def _longest(
-        self, now: FilterInput, near: Mask, inputs: Sequence[Array]
+        self, now: FilterInput, near: Near, inputs: Sequence[Array], known: dict[bytes, float]
     ) -> tuple[Array, float]:
-        """Search for the input with the longest least time: these, corners, and points between."""
-        polytope: Polytope = now.terms.polytopes[self._first.i]
+        """Search for the input with the longest least time: these, corners, and points between.
+
+        known: the least times of some of them.
+        """
+        polytope: Polytope = now.terms.polytopes[self._i]
         tried = [*inputs, *polytope.corners, polytope.corners.mean(axis=0)]
         best, longest = tried[0], -1.0
         for _ in range(_ROUNDS):
-            least = [float(t[near].min()) for t in self.proofs.times(now, near, tried)]
+            new = [u for u in tried if u.tobytes() not in known]
+            if new:
+                times = self.proofs.times(now, near, new).min(axis=1)
+                known |= {u.tobytes(): time for u, time in zip(new, times.tolist(), strict=True)}
+            least = [known[u.tobytes()] for u in tried]
             place = int(np.argmax(least))
             if least[place] > longest:
                 best, longest = tried[place], least[place]
             tried = [0.5 * (best + u) for u in tried]
         return best, longest
+
+
+def _proven(filtered: Filtered, time: float) -> Filtered:
+    """Add for how long all pairs in sight are proven safe [s]."""
+    made = filtered.decision
+    proven = Decision(made.u, made.origin, made.residual, made.margin, time)
+    return Filtered(proven, filtered.used, filtered.rows)

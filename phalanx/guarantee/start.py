@@ -19,6 +19,7 @@ from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.runnable import first_nominal
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.rows.decision import least_violation
@@ -196,7 +197,8 @@ def _unproven(swarm: Swarm, x: Array, time: float) -> Index:
         which = np.flatnonzero(sorts == sort)
         a, b = ends[which[0]].tolist()
         alone = swarm.pairs.alone(a, b)
-        highest = highest_within(alone, certificates.bounds(alone), time)
+        within = highest_within(alone, certificates.bounds(alone), time)
+        highest = MappedFunction([alone.x, alone.parameters], [within])
         h = highest(numbers, spread(swarm.pairs.begin, ends[which], alone.sizes))[:, 0]
         found.append(which[~(h <= 0.0)])
     return np.sort(np.concatenate(found))

@@ -34,7 +34,6 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.safety_filter import (
     ComposedFilter,
     PairwiseFilter,
-    RowFilter,
     SafetyFilter,
     Unfiltered,
 )
@@ -103,11 +102,9 @@ class SafetyRows:
 
     def filter(self, i: int) -> SafetyFilter:
         """Return the safety filter of agent i under distributed control."""
-        return self.unfiltered(i) if self.swarm.members[i].adversary else self.row_filter(i)
-
-    def row_filter(self, i: int) -> RowFilter:
-        """Return the safety filter of normal agent i."""
         swarm, safety = self.swarm, self.swarm.safety
+        if swarm.members[i].adversary:
+            return self.unfiltered(i)
         information = swarm.information()
         if not safety.pairwise:
             margin = self.share_margin(i)

@@ -140,6 +140,13 @@ class MappedFunction:
         call()
         return results.copy().reshape(*values.shape[:-1], count, self.results)
 
+    def rows(self, rows: Array) -> Array:
+        """Evaluate at rows of inputs, shape (r, inputs); the results are a new array."""
+        given, call, results = self._views.get(len(rows)) or self._view(len(rows))
+        given[:] = rows
+        call()
+        return results.copy()
+
     def at(self, places: Index) -> "MappedRows":
         """Fix the places, shape (r, inputs), for many calls without copies."""
         return MappedRows(places, self._view(len(places)))

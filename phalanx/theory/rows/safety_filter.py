@@ -7,7 +7,6 @@ other agents that its rows contain.
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
 from msgspec import Struct
 
 from phalanx.arrays import Array
@@ -40,11 +39,13 @@ class FilterInput(Struct, frozen=True):
 
 
 class Filtered(Struct, frozen=True):
-    """An input, and the received inputs that it rests on."""
+    """An input, and the rows and received inputs that it rests on."""
 
     decision: Decision
     used: list[int]
     """The agents whose û_l was in a row."""
+    rows: Row | Rows | None = None
+    """None for an adversary."""
 
 
 class SafetyFilter(Protocol):
@@ -52,17 +53,6 @@ class SafetyFilter(Protocol):
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-
-
-class RowFilter(SafetyFilter, Protocol):
-    """A filter whose input keeps rows."""
-
-    @property
-    def i(self) -> int:
-        """The agent."""
-
-    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
-        """The rows, and the agents whose û_l is in one."""
 
 
 class ComposedFilter:
@@ -84,12 +74,8 @@ class ComposedFilter:
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
         row, used = self._row(now)
-        return Filtered(decide(now.terms, self.i, row, now.u_nom, self._qp, self._authority), used)
-
-    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
-        """The one row, and the agents whose û_l is in it."""
-        row, used = self._row(now)
-        return Rows(row.a[None], np.array([row.bound])), used
+        decision = decide(now.terms, self.i, row, now.u_nom, self._qp, self._authority)
+        return Filtered(decision, used, row)
 
     def _row(self, now: FilterInput) -> tuple[Row, list[int]]:
         terms, i, c = now.terms, self.i, now.terms.c
@@ -115,11 +101,11 @@ class PairwiseFilter:
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-        rows, used = self.rows(now)
+        rows, used = self._rows(now)
         decision = decide_pairs(now.terms.polytopes[self.i], rows, now.u_nom, self._qp)
-        return Filtered(decision, used)
+        return Filtered(decision, used, rows)
 
-    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
+    def _rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
         """A row for each pair, and the agents whose û_l is in one."""
         information, i = self._information, self.i
         if self._split:

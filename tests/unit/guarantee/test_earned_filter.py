@@ -16,7 +16,7 @@ from phalanx.theory.rows.safety_filter import FilterInput
 def decisions(reserve: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]:
     """Inputs near agent 2, which is trusted: split, whole, with the reserve; and seconds proven."""
     rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "earned"}))).seen_by(0)
-    swarm, first = rows.swarm, rows.row_filter(0)
+    swarm, first = rows.swarm, rows.filter(0)
     earned, agent = EarnedFilter(rows, 0, first, {1: reserve}), SwarmCertificates(swarm).of(0)
     own, other = (swarm.safe_set.parts[l] for l in (0, 1))
     draws, start, found = Draws(7, "reserve", width=4), swarm.start(), []
