@@ -93,9 +93,14 @@ class EarnedFilter:
         self.proofs = OwnProofs(rows, i, max(reserve.values(), default=0.0))
         others = self.proofs.others.tolist()
         self._reserve = np.array([reserve.get(l, 0.0) for l in others])
+        longest = self.proofs.own.longest
+        self._never = frozenset(l for l, time in reserve.items() if time > longest)
+        """Agents whose betrayal may be convicted later than the longest certificate ends."""
 
     def __call__(self, now: FilterInput) -> Filtered:
         """Trust fewer agents until certificates cover the reserve of all that are trusted."""
+        if now.trusted & self._never:
+            now = replace(now, trusted=now.trusted - self._never)
         filtered = self._first(now)
         if not now.trusted or (near := self.proofs.near(now)) is None:
             return filtered

@@ -114,7 +114,7 @@ EXTENSIONS = {
     "phalanx.certify",
     "phalanx_viewer",
 }
-THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
+THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
 BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
@@ -157,7 +157,7 @@ def offences(names: Iterable[str], module: str) -> list[str]:
         elif top in ONLY_IN_WIRE and home not in ("phalanx.wire", "phalanx.compat"):
             found.append(f"{module} may not import {name}: only phalanx.wire does")
         elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
-            found.append(f"{module} may not import {name}: theory is numpy, CasADi and OSQP alone")
+            found.append(f"{module} may not import {name}: not one of {sorted(THEORY_MAY_USE)}")
     return found
 
 

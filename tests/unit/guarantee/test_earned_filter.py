@@ -46,6 +46,22 @@ def test_a_pair_is_split_exactly_while_the_certificate_covers_the_reserve(reserv
         assert (made == (split if enough else whole)).all()
 
 
+@pytest.mark.parametrize(("share", "trusted"), [(1.0, {1}), (1.01, set())])
+def test_nobody_is_trusted_for_longer_than_the_longest_certificate(share, trusted):
+    rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "earned"}))).seen_by(0)
+    x, asked, first = rows.swarm.start(), [], rows.filter(0)
+
+    def observed(now):
+        asked.append(now.trusted)
+        return first(now)
+
+    seen, nominal = tuple(range(5)), np.array([1.0, 0.0])
+    trusting = FilterInput(0.0, x, seen, rows.terms(0)(x), nominal, {}, trusted=frozenset({1}))
+    reserve = {1: share * SwarmCertificates(rows.swarm).of(0).longest}
+    EarnedFilter(rows, 0, observed, reserve)(trusting)
+    assert asked == [trusted]
+
+
 @pytest.mark.parametrize(
     ("changes", "where"),
     [({"safety.composition": "lse"}, "safety"), ({"time.latency": 0.002}, "time.latency")],
