@@ -28,7 +28,7 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     extra = {"network": {"loss": 0.3}, "obstacles": [{"center": [5.0, 2.0, 1.0], "clearance": 1.0}]}
     scenario = swarm_in_space(16, 3, extra)
     records = [
-        msgspec.structs.replace(r, ages=[(l, age + 1.0) for l, age in r.ages])
+        msgspec.structs.replace(r, ages=[(l, age + 1.0) for l, age in r.ages], oldest_input=None)
         if getattr(r, "agent", "") == WORST_RECEIVER
         else r
         for r in drift(scenario, states=20, steps=10)
