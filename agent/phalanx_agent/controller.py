@@ -112,7 +112,7 @@ class DistributedController:
         if self._own is not None:
             decision, notes = self._own(view, u_nom, x, seen, t, received)
             return StepResult(decision, u_nom, [], notes)
-        trusted = self.trusted(t, seen) if self._watch else frozenset[int]()
+        trusted = self.trusted(t, seen)
         now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received, trusted)
         filtered = self._filter(now)
         return StepResult(filtered.decision, u_nom, filtered.used)

@@ -246,7 +246,7 @@ class ControlStep:
                 report=result.report(time.perf_counter() - began),
                 ages=tuple([(l, sample.t - received[l].t_apply) for l in result.used]),
                 fates=fates,
-                rejected=self.rejected + (self._refused if self._witness else 0),
+                rejected=self.rejected + self._refused,
                 received=self._clock.reported(received),
                 convictions=convictions,
                 proofs=proofs,

@@ -107,8 +107,8 @@ Connect = Annotated[
         "--connect",
         envvar="PHALANX_CONNECT",
         callback=require_endpoint,
-        help="Zenoh endpoint of the run's hub; but of `tap` by default that in the file `endpoint` "
-        "in --keys, or tcp/127.0.0.1:7447.",
+        help="Zenoh endpoint of the run's hub; by default that in the file `endpoint` in --keys, "
+        "or tcp/127.0.0.1:7447. `tap` needs none for a run's folder.",
         show_default=False,
     ),
 ]

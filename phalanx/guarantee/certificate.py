@@ -55,8 +55,9 @@ class PairCertificate:
     def times(self, pairs: Array, u: Array) -> Array:
         """Return the times for which h <= 0 is proven from now on [s], shape (r,); 0 if not proven.
 
-        pairs: states of each pair's members in order, and its obstacle's numbers, shape (r, n). u:
-        the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
+        Args:
+            pairs: states of each pair's members in order, and its obstacle's numbers; (r, n).
+            u: the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
         """
         best = np.zeros(len(pairs))
         if self.proven is None:

@@ -56,10 +56,13 @@ class DisturbanceLedger:
         self._improve = MappedFunction([x, end, u, horizon, phi], [better, doubt])
 
     def explain(self, before: Array, after: Array, u: Array, seconds: Array) -> Explanation:
-        """Explain w motions, from first states, shape (w, n), to last ones, the same shape.
+        """Explain w motions.
 
-        u: the input held in between, shape (w, m). seconds: length of each motion [s], above 0,
-        (w,).
+        Args:
+            before: first states, shape (w, n).
+            after: last states, shape (w, n).
+            u: the input held in between, shape (w, m).
+            seconds: length of each motion [s], above 0, shape (w,).
         """
         w, n = before.shape
         given = np.concatenate([before, after, u, seconds[:, None]], axis=1)

@@ -18,7 +18,7 @@ from phalanx.arrays import Array, Mask
 from phalanx.guarantee.certificates import Near, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.rows.decision import Decision, decide_pairs
+from phalanx.theory.rows.decision import decide_pairs
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import pair_rows
 from phalanx.theory.rows.qp import NearestInput
@@ -188,6 +188,4 @@ class ProvenFilter:
 
 def _proven(filtered: Filtered, time: float) -> Filtered:
     """Add for how long all pairs in sight are proven safe [s]."""
-    made = filtered.decision
-    proven = Decision(made.u, made.origin, made.residual, made.margin, time)
-    return Filtered(proven, filtered.used, filtered.rows)
+    return replace(filtered, decision=replace(filtered.decision, proven=time))
