@@ -158,9 +158,13 @@ class MappedFunction:
         return found
 
     def mapped(self, count: int) -> ca.Function:
-        """The CasADi function of `count` rows, one for each column."""
+        """The CasADi function of `count` rows, one for each column; it may have no derivatives."""
         found = native(self._function)
         return (found.function if found else self._function).map(count)
+
+    def differentiable(self, count: int) -> ca.Function:
+        """The same with derivatives, which CasADi takes of no machine code."""
+        return self._function.map(count)
 
     def _view(self, count: int) -> _View:
         capacity = rounded_up(count)

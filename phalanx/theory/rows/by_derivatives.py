@@ -141,7 +141,9 @@ class TermsByDerivatives(TermsByKind):
         each = []
         for k, count in pairs:
             function = self.pairs.kinds[k].h
-            each.append(ca.vec(function.mapped(count)(chosen(numbers, function.inputs, count))))
+            each.append(
+                ca.vec(function.differentiable(count)(chosen(numbers, function.inputs, count)))
+            )
         h = ca.vertcat(*each, FAR)  # so that h is not empty
         sample = _Sample(*[ca.MX.sym("sample", n) for n in (h.numel(), h.numel(), 1, 1)])
         groups = []
@@ -202,14 +204,14 @@ def _drift(slopes: Sequence[ca.MX], members: Sequence[_Group]) -> ca.MX:
     """Σ_l slope_l f_l, scalar."""
     total = ca.MX(0.0)
     for slope, own in zip(slopes, members, strict=True):
-        total += ca.sum1(ca.sum2(slope * own.kind.drift.mapped(own.x.shape[1])(own.x)))
+        total += ca.sum1(ca.sum2(slope * own.kind.drift.differentiable(own.x.shape[1])(own.x)))
     return total
 
 
 def _forces(slopes: Sequence[ca.MX], members: Sequence[_Group]) -> ca.MX:
     """slope_l g_l of all members, stacked."""
     each = [
-        ca.vec(own.kind.forces.mapped(own.x.shape[1])(ca.vertcat(own.x, slope)))
+        ca.vec(own.kind.forces.differentiable(own.x.shape[1])(ca.vertcat(own.x, slope)))
         for slope, own in zip(slopes, members, strict=True)
     ]
     return ca.vertcat(*each)
