@@ -219,12 +219,12 @@ class AgentCertificates:
         """
         numbers, found = self._swarm.pairs.numbers(x), Near(*np.zeros((2, len(pairs)), dtype=bool))
         for kind, which, places in self._groups:
-            if (some := pairs[which]).any():
-                chosen = places[some]
-                may_meet = ~(kind.highest(numbers, chosen)[:, 0] <= 0.0)
-                found.pairs[which[some]] = may_meet
-                if may_meet.any():
-                    found.unsafe[which[some]] = kind.least(numbers, chosen)[:, 0] > 0.0
+            some = pairs[which].nonzero()[0]
+            if len(some):
+                meet = some[~(kind.highest(numbers, places[some])[:, 0] <= 0.0)]
+                if len(meet):
+                    found.pairs[which[meet]] = True
+                    found.unsafe[which[meet]] = kind.least(numbers, places[meet])[:, 0] > 0.0
         return found
 
     def times(self, x: Array, inputs: Array, near: Near) -> Array:
