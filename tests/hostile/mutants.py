@@ -47,7 +47,7 @@ _COORDINATOR = "phalanx/studies/coordinator.py"
 _TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
 _INVENTORY = "phalanx/studies/inventory.py"
 _AUDIT, _TEST_AUDITS = "phalanx/wire/audit.py", "tests/unit/agent/test_audits.py"
-_AUDITS = "agent/phalanx_agent/audits.py"
+_AUDITS, _REPLAY = "agent/phalanx_agent/audits.py", "agent/phalanx_agent/replay.py"
 _SIGNATURES, _EQUIVOCATION = "phalanx/wire/signatures.py", "phalanx/wire/equivocation.py"
 _TEST_EQUIVOCATION = "tests/unit/wire/test_equivocation.py"
 _WATCH, _TEST_WATCH = "phalanx/swarm/watch.py", "tests/unit/swarm/test_watch.py"
@@ -298,6 +298,16 @@ MUTANTS = (
            "tests/unit/guarantee/test_earned_filter.py"),
     Mutant("pairs that are quiet until they may meet", _PROOFS,
            "OwnProofs(rows, i, rows.swarm.horizon(i))", "OwnProofs(rows, i, 0.0)", _TEST_PROOFS),
+    Mutant("a proof for half a sample", _PROOFS, "times < self._own.tau",
+           "times < 0.5 * self._own.tau", _TEST_PROOFS),
+    Mutant("a replay without memory", _REPLAY, "controller.memory, ", "_, ", _TEST_AUDITS),
+    Mutant("a replay that trusts nobody", _REPLAY, "frozenset(reveal.trusted)", "frozenset()",
+           _TEST_AUDITS),
+    Mutant("broadcasts delivered in the order of counting", "phalanx/network/inbox.py",
+           "due.sort(key=_SENDER)", "pass", _TEST_LINKS),
+    Mutant("derivatives of machine code", "phalanx/theory/rows/by_derivatives.py",
+           "function.differentiable(count)", "function.mapped(count)",
+           "tests/unit/theory/expressions/test_native.py"),
 )  # fmt: skip
 
 

@@ -102,6 +102,23 @@ def test_steps_replay_with_memory_trust_and_waypoints(name, changes):
     assert run.summary.trust.convictions == []
 
 
+@pytest.mark.slow
+def test_a_step_is_replayed_with_the_trust_and_the_memory_that_are_revealed():
+    run = ran(
+        "crossing",
+        duration=8.0,
+        **{"safety.information": "earned", "network.loss": 0.0, "network.delay": 0.0},
+    )
+    replay, south = StepReplay(run.rows), run.rows.swarm.names.index("south")
+    steps = [reveal for i in audits(run) for _, reveal in own(run, i)]
+    trusting = [changed(r, trusted=tuple(sorted({*r.seen} - {r.sender}))) for r in steps]
+    assert any(replay(changed(r, trusted=())) != replay(r) for r in trusting)
+    # The last of what an agent with waypoints remembers is how many of them it reached.
+    none = np.float64(0).tobytes()
+    steps = [reveal for _, reveal in own(run, south)]
+    assert any(replay(changed(r, memory=r.memory[:-8] + none)) != replay(r) for r in steps)
+
+
 def test_audits_change_no_trajectory():
     calm = phalanx.load("unicycles", {"duration": 0.5})
     summary = DirectRun(build_rows(build_swarm(calm)), None).plant.run()

@@ -35,6 +35,7 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
     agent, start = SwarmCertificates(swarm).of(0), swarm.start()
     draws, seen, replaced = Draws(5, "crowded", width=5), tuple(range(5)), 0
     own, other = (swarm.safe_set.parts[l] for l in (0, 3))
+    corners = build_rows(swarm).terms(0)(start, seen).polytopes[0].corners
     for k in range(200):
         # Agent 4 is close to agent 1, on any side of it: nearly unsafe, but not yet.
         x, (far, angle, *turned, _) = start.copy(), draws[k].tolist()
@@ -58,6 +59,8 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
         elif second.origin is not Origin.LONGEST:
             assert second.origin in (*EMPTY, Origin.QP, Origin.SOLVER_FAILED)
             assert after == before
+            # No corner of U is certified for longer.
+            assert max(float(agent(x, u).min()) for u in corners) <= before
     assert replaced > 3
 
 
