@@ -137,10 +137,19 @@ def field_and_value(override: str) -> tuple[str, Any]:
     path, separator, text = override.partition("=")
     if not separator:
         raise ScenarioError(f"--set {override}: expected path.to.field=value")
+    return path.strip(), value_from(text)
+
+
+def value_from(text: str) -> Any:
+    """Read a value as TOML, but also .5 as a number; any other text is a string."""
     try:
-        return path.strip(), tomllib.loads(f"value = {text}")["value"]
+        return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return path.strip(), text
+        pass
+    try:  # TOML has no number that begins with a point
+        return float(text)
+    except ValueError:
+        return text
 
 
 def set_field(table: dict[str, Any], path: str, value: Any) -> None:

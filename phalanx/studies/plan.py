@@ -3,7 +3,6 @@
 import itertools
 import json
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +10,13 @@ from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from phalanx.scenario.load import ScenarioError, described, read_table, reading_of
+from phalanx.scenario.load import (
+    ScenarioError,
+    described,
+    read_table,
+    reading_of,
+    value_from,
+)
 from phalanx.scenario.load import load as load_scenario
 from phalanx.scenario.model import Reading, Scenario, Seed
 from phalanx.schema.fields import Distribution, Strict, Values, field_error
@@ -198,21 +203,24 @@ def read_plan(path: Path) -> Plan:
 
 
 def seeds_from(text: str) -> tuple[int, ...]:
-    """Read seeds: "7", "0:200" for 0 to 199, or several of them, "0:10,17". Raises ValueError."""
+    """Read seeds: "7", "0:200" for 0 to 199, or several of them, "0:10,17".
+
+    Raises ValidationError of the field `seeds`.
+    """
     seeds: list[int] = []
     for part in text.split(","):
         if not (found := re.fullmatch(r"\s*(\d+)(?::(\d+))?\s*", part)):
-            raise ValueError(f"expected seeds as 0:200 or 1,2,5, got {text!r}")
+            raise field_error(("seeds",), "expected seeds as 0:200 or 1,2,5", text)
         first, end = int(found[1]), int(found[2] or int(found[1]) + 1)
         if not first < end <= first + 10**7:
-            raise ValueError(f"expected a first seed and a larger end, got {part.strip()!r}")
+            raise field_error(("seeds",), "expected a first seed and a larger end", part.strip())
         seeds += range(first, end)
     return tuple(seeds)
 
 
 def values_from(text: str) -> list[Any]:
     """Read the values of an axis, as "0,.1,.3" or "paper,split" or "[1,2],[3,4]"."""
-    return [_value(part) for part in re.split(r",(?![^\[{(]*[\]})])", text)]
+    return [value_from(part.strip()) for part in re.split(r",(?![^\[{(]*[\]})])", text)]
 
 
 def distribution_from(text: str) -> dict[str, Any]:
@@ -228,18 +236,6 @@ def _numbers(values: Sequence[Any], text: str) -> list[float]:
     if len(values) != 2 or not all(isinstance(each, int | float) for each in values):
         raise ValueError(f"expected two numbers, got {text}")
     return [float(each) for each in values]
-
-
-def _value(text: str) -> Any:
-    text = text.strip()
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        pass
-    try:  # TOML has no number that begins with a point
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _overlap(path: str, other: str) -> bool:

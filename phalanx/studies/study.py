@@ -25,7 +25,7 @@ from phalanx.schema.registry import as_table
 from phalanx.statistics.common_seeds import rate
 from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.coordinator import Coordinator, Options, Progress
-from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
+from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
 from phalanx.studies.progress import shown
 from phalanx.studies.row import counted, json_text
@@ -269,9 +269,9 @@ def _source(scenario: Scenario | str | Path | Mapping[str, Any]) -> Any:
     return str(scenario) if isinstance(scenario, str | Path) else dict(scenario)
 
 
-def _seeds(seeds: int | str | Iterable[int]) -> list[int]:
+def _seeds(seeds: int | str | Iterable[int]) -> str | list[int]:
     if isinstance(seeds, str):
-        return list(seeds_from(seeds))
+        return seeds
     return list(range(seeds)) if isinstance(seeds, int) else list(seeds)
 
 

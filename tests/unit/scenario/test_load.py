@@ -109,13 +109,22 @@ def test_set_takes_a_bare_word_as_a_string_and_the_last_of_several_wins():
 
 def test_set_takes_toml_values():
     table = tomllib.loads("a = 1")
-    for override in ["b=true", "c=[1, 2]", 'd="x=y"', "e.f={ g = 1.5 }", "h=1979-05-27", "i="]:
+    for override in [
+        "b=true",
+        "c=[1, 2]",
+        'd="x=y"',
+        "e.f={ g = 1.5 }",
+        "h=1979-05-27",
+        "i=",
+        "j=.5",
+    ]:
         set_field(table, *field_and_value(override))
     assert table["b"] is True
     assert table["c"] == [1, 2]
     assert table["d"] == "x=y"
     assert table["e"] == {"f": {"g": 1.5}}
     assert table["i"] == ""
+    assert table["j"] == 0.5
 
 
 def test_set_can_turn_the_margin_into_constants_and_back():

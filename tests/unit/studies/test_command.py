@@ -11,7 +11,7 @@ from phalanx.cli.app import USAGE_ERROR, status
         (("unicycles", "--vary", "network.los=0"), "network.los: unknown field"),
         (("unicycles", "--vary", "network.loss"), "--vary network.loss: expected PATH=VALUES"),
         (("unicycles", "--draw", "network.loss=normal(0,1)"), "expected uniform(a,b)"),
-        (("unicycles", "--seeds", "many"), "expected seeds as 0:200 or 1,2,5"),
+        (("unicycles", "--seeds", "many"), "study: seeds: expected seeds as 0:200 or 1,2,5"),
         (("unicycle",), "did you mean 'unicycles'?"),
         (("open",), "expected the folder of a study"),
         (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
