@@ -182,10 +182,11 @@ def stated(file: Path) -> Stated:
 
 def differences(file: Path, engines: Sequence[str]) -> list[str]:
     """Run an attack's file on each engine, and return in words what is not as it states."""
+    scenario = phalanx.load(file)
     expected, found = stated(file), []
     for engine in engines:
         with TemporaryDirectory() as folder:
-            summary = phalanx.run(phalanx.load(file), engine=engine, out=folder).summary
+            summary = phalanx.run(scenario, engine=engine, out=folder).summary
         assert summary is not None, "the run has ended"
         got = {"verdict": summary.outcome.value, "trajectory": summary.trajectory}
         found += [

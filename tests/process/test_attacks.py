@@ -38,6 +38,8 @@ def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
     other.write_text("name = 'other'\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match="expected a comment '# Verdict: "):
         stated(other)
+    with pytest.raises(ScenarioError, match=r"none.toml: cannot be read"):
+        differences(tmp_path / "none.toml", ["in-process"])
 
 
 @pytest.mark.nightly
