@@ -134,28 +134,33 @@ def run(case: Case, folder: Path, asked: argparse.Namespace) -> None:
     )
 
 
-def print_tables(case: Case, rows: pl.DataFrame) -> None:
-    """Print the verdicts, and what runs without a hijack cost."""
+def cells(case: Case, rows: pl.DataFrame) -> dict[tuple[str, bool, str], pl.DataFrame]:
+    """Return the newest rows by information, whether inputs are proven, and attack."""
     latest = rows.unique(["overrides", "seed"], keep="last").filter(pl.col("outcome") != "broken")
-    attacks = dict(case.attacks())
-    cells = {
+    return {
         (information, prove, attack): latest.filter(
             pl.col("overrides") == json_text({"duration": case.duration, **point})
         )
         for information, prove in itertools.product(case.informations, (False, True))
-        for attack, faults in attacks.items()
+        for attack, faults in case.attacks()
         for point in [fields(information, prove, faults)]
     }
-    shown = [a for a in attacks if any(len(cell) for key, cell in cells.items() if key[2] == a)]
+
+
+def print_tables(case: Case, rows: pl.DataFrame) -> None:
+    """Print the verdicts, and what runs without a hijack cost."""
+    found = cells(case, rows)
+    attacks = [attack for attack, _ in case.attacks()]
+    shown = [a for a in attacks if any(len(cell) for key, cell in found.items() if key[2] == a)]
     print(f"\n`{case.scenario}`, {case.duration:g} s:\n")
     costs = ("‖u - u_nom‖", "empty K_i", "tracking error [m]", "arrived, at [s]")
     print("| information | " + " | ".join([*shown, *costs]) + " |")
     print("|---" * (1 + len(shown) + len(costs)) + "|")
     for information, prove in itertools.product(case.informations, (False, True)):
-        of = [cells[information, prove, attack] for attack in shown]
+        of = [found[information, prove, attack] for attack in shown]
         if any(len(cell) for cell in of):
             name = f"`{information}`" + (", `prove`" if prove else "")
-            cost = cost_of(cells[information, prove, "declared"], case)
+            cost = cost_of(found[information, prove, "declared"], case)
             print(f"| {name} | " + " | ".join([*map(verdicts, of), *cost]) + " |")
 
 
