@@ -3,6 +3,7 @@
 A job holds all that it needs, so that it can travel to another machine.
 """
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -34,6 +35,11 @@ class Job(NamedTuple):
     """Sources of the user's modules, by path."""
 
 
+_ONE_AT_A_TIME = threading.Lock()
+"""Runs of a process share compiled functions and their memory, also those of an executor's threads.
+"""
+
+
 def compute(job: Job) -> list[Row]:
     """Run every run of a job to its verdict, without files; return their rows."""
     return [row_by(_measured, job, identity) for identity in job.identities]
@@ -42,10 +48,12 @@ def compute(job: Job) -> list[Row]:
 def confirm(job: Job) -> list[Row]:
     """Repeat a job's one run with every program a process of its own; return its row."""
     (identity,) = job.identities
-    make_importable(job.modules, hashes(job.modules), trust=True)
-    run = phalanx.run(load(job.table, job.overrides, identity.seed), engine="processes")
-    assert run.summary is not None
-    return [row_of(identity, job.overrides, run.summary, run.recording, swarm_of(run.recording))]
+    with _ONE_AT_A_TIME:
+        make_importable(job.modules, hashes(job.modules), trust=True)
+        run = phalanx.run(load(job.table, job.overrides, identity.seed), engine="processes")
+        assert run.summary is not None
+        found = swarm_of(run.recording)
+        return [row_of(identity, job.overrides, run.summary, run.recording, found)]
 
 
 Work = Callable[[Job, Identity, SafetyRows], Row]
@@ -56,8 +64,9 @@ def row_by(work: Work, job: Job, identity: Identity) -> Row:
     """Return the row that a work makes; without a run, one that says why."""
     began = time.monotonic()
     try:
-        make_importable(job.modules, hashes(job.modules), trust=True)
-        return work(job, identity, shared_rows(load(job.table, job.overrides, identity.seed)))
+        with _ONE_AT_A_TIME:
+            make_importable(job.modules, hashes(job.modules), trust=True)
+            return work(job, identity, shared_rows(load(job.table, job.overrides, identity.seed)))
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:

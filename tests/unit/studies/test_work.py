@@ -1,5 +1,7 @@
 """Runs of one point share what is compiled; each has the bits of a run by itself."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import casadi as ca
 import pytest
 
@@ -82,3 +84,15 @@ def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
         assert row.shortest == run.summary.certificates.shortest
         found.append(row.trajectory)
     assert len({*found}) > 3
+
+
+@pytest.mark.slow
+def test_threads_of_an_executor_compute_the_rows_of_one():
+    found = []
+    for threads in (1, 2):
+        with ThreadPoolExecutor(threads) as executor:
+            study = phalanx.study(
+                "guaranteed", seeds=4, overrides={"duration": 0.2}, executor=executor, confirm=0.0
+            )
+            found.append(study.frame["trajectory"].to_list())
+    assert found[0] == found[1]
