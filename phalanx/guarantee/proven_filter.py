@@ -48,7 +48,10 @@ class OwnProofs:
         """Time up to which each pair is proven safe for all inputs of all agents [s]."""
         self._all_quiet_until = -np.inf
         """The same of all pairs in sight [s]."""
-        self._provable = np.array([pair not in own.refused for pair in own.pairs], dtype=bool)
+        refused = own.refused
+        self.provable: Mask = np.array([pair not in refused for pair in own.pairs], dtype=bool)
+        """Pairs that some input can certify, shape (p,)."""
+        self.unprovable_in_sight = False
 
     @property
     def memory(self) -> Array:
@@ -67,7 +70,8 @@ class OwnProofs:
         if now.seen != self._seen:
             self._seen = now.seen
             known = np.isin(self.others, now.seen) | (self.others >= self.agents)
-            self._in_sight = known & self._provable
+            self._in_sight = known & self.provable
+            self.unprovable_in_sight = bool((known & ~self.provable).any())
         elif self._all_quiet_until >= now.t + self._needed:
             return None
         due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
@@ -94,8 +98,10 @@ class EarnedFilter:
         others = self.proofs.others.tolist()
         self._reserve = np.array([reserve.get(l, 0.0) for l in others])
         longest = self.proofs.own.longest
-        self._never = frozenset(l for l, time in reserve.items() if time > longest)
-        """Agents whose betrayal may be convicted later than the longest certificate ends."""
+        unprovable = set(self.proofs.others[~self.proofs.provable].tolist())
+        self._never = unprovable | {l for l, time in reserve.items() if time > longest}
+        """Agents whose betrayal no certificate can cover: it may be convicted too late, or h has no
+        bound."""
 
     def __call__(self, now: FilterInput) -> Filtered:
         """Trust fewer agents until certificates cover the reserve of all that are trusted."""
@@ -127,6 +133,11 @@ class ProvenFilter:
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply, and for how long it is proven safe."""
+        found = self._proven_input(now)
+        return _proven(found, 0.0) if self.proofs.unprovable_in_sight else found
+
+    def _proven_input(self, now: FilterInput) -> Filtered:
+        """Prove the first filter's input, or take another, as far as pairs can be proven."""
         filtered = self._first(now)
         near = self.proofs.near(now)
         if near is None:

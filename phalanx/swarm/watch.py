@@ -113,8 +113,9 @@ class Watch:
             if parts is None:
                 waiting.append(window)
                 continue
-            self.checked_until[l] = window.end
             excess = self._excess(l, window, parts)
+            if excess > -np.inf:  # else no box holds its states, and nothing could convict
+                self.checked_until[l] = window.end
             if excess > 0.0 and l not in self.convicted:
                 self.convicted.add(l)
                 convicted = Conviction(l, window.begin, window.end, excess)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from phalanx.guarantee.certificates import SwarmCertificates
-from phalanx.guarantee.proven_filter import EarnedFilter
+from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
+from phalanx.guarantee.proven_filter import EarnedFilter, ProvenFilter
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
@@ -60,6 +60,25 @@ def test_nobody_is_trusted_for_longer_than_the_longest_certificate(share, truste
     reserve = {1: share * SwarmCertificates(rows.swarm).of(0).longest}
     EarnedFilter(rows, 0, observed, reserve)(trusting)
     assert asked == [trusted]
+
+
+def test_nobody_is_trusted_whose_pair_no_input_can_certify(monkeypatch):
+    rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "earned"}))).seen_by(0)
+    x, first, asked = rows.swarm.start(), rows.filter(0), []
+    own, pairs = SwarmCertificates(rows.swarm).of(0).pairs, rows.swarm.safe_set.pairs
+    unbounded = {k: "no bound of h" for k in own if 1 in pairs[k]}
+    monkeypatch.setattr(AgentCertificates, "refused", unbounded)
+
+    def observed(now):
+        asked.append(now.trusted)
+        return first(now)
+
+    trusting = FilterInput(
+        0.0, x, (0, 1, 2, 3, 4), rows.terms(0)(x), np.zeros(2), {}, trusted=frozenset({1, 2})
+    )
+    EarnedFilter(rows, 0, observed, {1: 0.03, 2: 0.03})(trusting)
+    assert asked[0] == {2}
+    assert ProvenFilter(rows, 0, first)(trusting).decision.proven == 0.0
 
 
 @pytest.mark.parametrize(

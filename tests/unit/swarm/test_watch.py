@@ -82,3 +82,27 @@ def test_a_state_of_its_own_that_an_agent_made_up_convicts_it():
     assert found is not None
     assert found.of == 1
     assert watch.convicted == {1}
+
+
+def test_a_window_that_no_box_covers_earns_no_trust():
+    """Drag slows agent 2 within milliseconds: no box is proven for a window of 50 ms."""
+    group = {
+        "role": "normal", "names": ["1", "2"], "start": [[0.0] * 4, [6.0, 0.0, 0.0, 0.0]],
+        "dynamics": {"type": "double-integrator", "acceleration": 40.0, "drag": 20.0,
+                     "dimension": 2},
+        "law": {"type": "track", "gains": [1.0, 2.0]}, "clock": {"period": 0.05},
+        "disturbance": {"bound": 0.05},
+    }  # fmt: skip
+    safety = {
+        "function": {"type": "separation", "radius": 1.0}, "rho": 10.0, "alpha": [1.0, 5.0],
+        "information": "earned", "composition": "pairs", "margin": "local",
+    }  # fmt: skip
+    scenario = {"name": "drag", "duration": 1.0, "safety": safety, "agents": [group]}
+    swarm = build_swarm(phalanx.load(scenario))
+    watch, x = Watch(swarm, 0), swarm.start()
+    for k in range(6):
+        # It jumps half a metre at a time, and announces rest.
+        x[swarm.safe_set.parts[1].start] = 6.0 - 0.5 * (k % 2)
+        sent = Broadcast(k=k, t_apply=0.05 * k, u=(0.0, 0.0))
+        assert watch(0.05 * k, x, (0, 1), [(1, sent)]) == []
+        assert watch.trusted(0.05 * k) == set()
