@@ -8,6 +8,7 @@ from phalanx.arrays import Array
 from phalanx.network.inbox import Fate
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed, Sealer
@@ -29,6 +30,8 @@ class Answers:
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
         self._latency = swarm.time.latency
+        possible = origins_of_normal(swarm.controllers, swarm.safety.prove)
+        self._origins = {Origin.ATTACK, *possible}
         self._samples: dict[int, Sample] = {}
         self._inputs: dict[int, Array] = {}
         self._answered = dict.fromkeys(range(self._agents), -1)
@@ -116,8 +119,12 @@ class Answers:
             raise Malformed("wrong size")
         senders = [fate.sender for fate in message.fates]
         senders += [l for l, _ in message.ages] + [l for l, _, _ in message.received]
+        senders += [found[0] for found in message.convictions]
+        senders += [found[0] for found in message.proofs]
         if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
+        if message.report.origin not in self._origins:
+            raise Malformed("unknown origin")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):
             raise Malformed("unknown fault")
         if not all(self._is_possible(fate) for fate in message.fates):

@@ -2,6 +2,7 @@
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 from phalanx_plant.hub.answers import Answers
 
 from phalanx.network.inbox import Claim, Fate
@@ -98,6 +99,22 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
         answers.expect(i, sample(0))
     report = Telemetry(k=0, report=MADE, ages=(), fates=(fate,))
     with pytest.raises(Malformed, match="unknown broadcast"):
+        answers.on_telemetry(0, report)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"convictions": ((5, 0.0, 1.0, 0.1),)}, "unknown sender"),
+        ({"convictions": ((-1, 0.0, 1.0, 0.1),)}, "unknown sender"),
+        ({"proofs": ((5, 3, "replay"),)}, "unknown sender"),
+        ({"report": replace(MADE, origin=Origin.PROVEN)}, "unknown origin"),
+    ],
+)
+def test_a_report_of_agents_or_origins_that_there_are_not_is_refused(changes, reason, answers):
+    answers.expect(0, sample(0))
+    report = replace(Telemetry(k=0, report=MADE, ages=()), **changes)
+    with pytest.raises(Malformed, match=reason):
         answers.on_telemetry(0, report)
 
 
