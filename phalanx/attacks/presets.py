@@ -35,7 +35,9 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
             states, own = member.dynamics.states, x[parts[i]].tolist()
             known = zip(states, own, strict=True)
             starts[member.name] = [_interval(state, value, states) for state, value in known]
-    for g, group in enumerate(_separate(scenario, set(starts))):
+    declared = scenario.attack
+    alone = {*starts, *declared.starts, *declared.scripts} if declared else {*starts}
+    for g, group in enumerate(_separate(scenario, alone)):
         if group.role == "adversary":
             vary |= {f"agents.{g}.law.{path}": _gain(v) for path, v in _gains(group.law)}
         if group.disturbance.bound > 0.0:
@@ -47,10 +49,10 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
 
 
 def _separate(scenario: Scenario, names: set[str]) -> list[Any]:
-    """Return the groups of space_of's table: the adversaries' are split."""
+    """Return the groups of space_of's table: those of these agents are split."""
     return [
         group
-        for group in scenario.agents
+        for group in scenario.named()
         for _ in (group.names if names & {*group.names} else (group,))
     ]
 

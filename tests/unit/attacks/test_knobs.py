@@ -61,6 +61,16 @@ def test_within_changes_nothing_that_voids_a_guarantee():
     assert "faults" not in preset("within", load("guaranteed"))  # its rows use no received input
 
 
+def test_a_preset_varies_the_gains_of_adversaries_where_others_have_declared_starts():
+    """An agent with a declared start gets a group of its own, before the adversaries'."""
+    table = {**read_table("unicycles"), "attack": {"starts": {"1": BOX}}}
+    added = preset("within", load(table))
+    table["attack"] = {**added, "starts": {**added["starts"], "1": BOX}}
+    agents = space_of(table).table["agents"]
+    varied = {int(path.split(".")[1]) for path in added["vary"] if ".law." in path}
+    assert {name for place in varied for name in agents[place]["names"]} == {"4", "5"}
+
+
 @pytest.mark.parametrize(
     ("attack", "expected"),
     [
