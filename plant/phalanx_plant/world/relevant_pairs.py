@@ -110,7 +110,8 @@ class RelevantPairs:
             near = np.flatnonzero(self._normal & (obstacle.distances(positions) <= close))
             found.append(np.stack([near, np.full(len(near), len(positions) + k)], axis=1))
         every = np.concatenate(found)
-        self._choose(every[np.lexsort(every.T[::-1])])
+        # In the order of all pairs: sums then have the same bits, whichever pairs are left out.
+        self._choose(self._every[np.sort(self._numbers[tuple(every.T)])])
         self._from = positions
 
 

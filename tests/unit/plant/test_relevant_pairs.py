@@ -52,6 +52,7 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
         assert (largest_psi(values, least, some) == largest_psi(of_all, least, all_)).all()
         order = np.argsort(every)
         assert (values == of_all[:, order[pairs]]).all()
+        assert (np.diff(order[pairs]) > 0).all(), "sums are in one order"
         left_out = np.ones(len(every), dtype=bool)
         left_out[order[pairs]] = False
         if left_out.any():
