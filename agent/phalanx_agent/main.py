@@ -47,14 +47,32 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     Raises:
         HubError: the hub cannot be reached. Exception: that of a control step.
     """
-    keys, sealer = membership.keys, membership.sealer
-    steps = control_steps(rows, membership.identity, membership)
+    return _take_part(control_steps(rows, membership.identity, membership), membership, profile)
+
+
+def run_together(
+    rows: SafetyRows, memberships: Sequence[Membership], *, profile: Path | None = None
+) -> int:
+    """Run several agents in this process, each with a session, keys and an inbox of its own.
+
+    Returns and raises as run, once all have left.
+    """
+    # All theory is built first: CasADi is not for several threads.
+    built = [(control_steps(rows, own.identity, own), own, profile) for own in memberships]
+    with ThreadPoolExecutor(len(built)) as threads:
+        tasks = [threads.submit(_take_part, *program) for program in built]
+    return max(task.result() for task in tasks)
+
+
+def _take_part(steps: list[ControlStep], membership: Membership, profile: Path | None) -> int:
+    """Answer samples until the plant leaves."""
+    keys, sealer, swarm = membership.keys, membership.sealer, steps[0].swarm
     stopwatch = Stopwatch() if profile else None
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
-    timeout = rows.swarm.time.timeout
+    timeout = swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),
         open_member(
@@ -94,8 +112,9 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             sender.wait_for_listeners(membership.timeout, lambda: not leaving.empty())
         # The theory lives as long as the process: the collector must not scan it during a step.
         gc.freeze()
-        digest = rows.swarm.digest
-        _tokens = [liveliness.announce(session, keys.alive(step.name, digest)) for step in steps]
+        _tokens = [
+            liveliness.announce(session, keys.alive(step.name, swarm.digest)) for step in steps
+        ]
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         log.info("leaving: %s", leaving.get())
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
@@ -105,18 +124,6 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         if answering.error is not None:
             raise answering.error
     return 0
-
-
-def run_together(
-    rows: SafetyRows, memberships: Sequence[Membership], *, profile: Path | None = None
-) -> int:
-    """Run several agents in this process, each with a session, keys and an inbox of its own.
-
-    Returns and raises as run, once all have left.
-    """
-    with ThreadPoolExecutor(len(memberships)) as threads:
-        tasks = [threads.submit(run, rows, own, profile=profile) for own in memberships]
-    return max(task.result() for task in tasks)
 
 
 class _Sender:
