@@ -57,7 +57,7 @@ class ShareMargin:
         growth, forces = float(self._found[0]), self._found[1:]
         for l, own in sorted(self._inputs.items()):
             growth += float(dot(terms.polytopes[l].corners, forces[own]).max())
-        return max(0.0, self._horizon * growth)
+        return max(self._horizon * growth, 0.0)  # NaN stays
 
 
 def _just_shared(terms: Terms, l: int, used: float) -> Array:
