@@ -103,7 +103,7 @@ def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
     if len(rows.bound) > _FEW_ROWS:
         return _solvable(inputs, rows)
     u = least_violation(inputs, rows)
-    return bool((rows.a @ u <= rows.bound).all())
+    return bool((dot(rows.a, u) <= rows.bound).all())
 
 
 def _solvable(inputs: Polytope, rows: Rows) -> bool:
