@@ -27,7 +27,7 @@ class Identity(NamedTuple):
     """Digests of all that a row follows from; rows with equal keys are equal."""
 
     scenario: str
-    """Of the resolved scenario."""
+    """Of the scenario with all defaults, before its seed draws anything."""
     seed: int
     modules: str
     """Of the sources of the user's modules that the scenario imports."""
@@ -49,7 +49,7 @@ _INPUTS = ("the scenario", "the seed", "your modules", "versions")
 
 
 def digest_of_scenario(scenario: Scenario) -> str:
-    """Return the digest of a resolved scenario, without what no run depends on."""
+    """Return the digest of a scenario, without what no run depends on."""
     return digest(scenario.model_copy(update={"seed": 0, "description": "", "attack": None}))
 
 

@@ -67,8 +67,9 @@ def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str
     except ScenarioError as error:
         return Identity("", case.seed, "", versions()), {}, str(error)
     sources = imported_sources(scenario.model_dump(mode="json"))
-    scenario_digest, modules = digest_of_scenario(scenario), digest_of_modules(sources)
-    return Identity(scenario_digest, case.seed, modules, versions()), sources, ""
+    # What the seed draws is no part of it: keys of a point's runs differ by their seeds alone.
+    scenario_digest = digest_of_scenario(plan.undrawn(case.point))
+    return Identity(scenario_digest, case.seed, digest_of_modules(sources), versions()), sources, ""
 
 
 def missing_by_reason(plan: Plan, store: Store) -> Counter[str]:

@@ -15,6 +15,7 @@ from phalanx.scenario.load import (
     described,
     read_table,
     reading_of,
+    set_field,
     value_from,
 )
 from phalanx.scenario.load import load as load_scenario
@@ -161,6 +162,16 @@ class Plan(Strict):
         """Return a run's resolved scenario. Raises ScenarioError."""
         found = load_scenario(self.table, case.point.overrides, case.seed)
         return found.model_copy(update={"reading": self._reading(case)})
+
+    def undrawn(self, point: Point) -> Scenario:
+        """Return a point's scenario before a seed draws starts and obstacles.
+
+        Raises ValidationError.
+        """
+        table = read_table(self.table)
+        for path, value in point.overrides.items():
+            set_field(table, path, value)
+        return Scenario.model_validate(table)
 
     def command(self, case: Case) -> str:
         """Return the command that runs a case alone, whether or not its scenario is valid."""

@@ -81,3 +81,14 @@ def test_the_digest_follows_the_meaning_of_a_scenario_and_not_its_text():
     given = load("unicycles", {"network.loss": 0.0, "description": "another"})
     assert digest_of_scenario(scenario) == digest_of_scenario(given)
     assert digest_of_scenario(scenario) != digest_of_scenario(load("unicycles", {"duration": 1.0}))
+
+
+@pytest.mark.parametrize("scenario", ["swarm2d", "formation3d"])
+def test_a_runs_key_does_not_depend_on_the_other_seeds_of_its_plan(scenario):
+    """Starts of the one and obstacles of the other are drawn for each seed."""
+    keys = []
+    for seeds in ([0, 5], [5, 0]):
+        plan = plan_from({"scenario": scenario, "seeds": seeds})
+        identity, *_ = identity_of(plan, next(plan.cases()))
+        keys.append(identity._replace(seed=0).key)
+    assert keys[0] == keys[1]
