@@ -92,7 +92,7 @@ def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
     ]
     if attack.faults is not None:
         knobs += [_fault(attack.faults, scenario) for _ in range(attack.faults.most)]
-    if not knobs:
+    if not any(each.numbers or max(each.choices, default=1) > 1 for each in knobs):
         raise ScenarioError(f"{source}: attack: expected knobs: vary, starts, scripts or faults")
     del own["attack"]
     return Space(own, tuple(knobs))

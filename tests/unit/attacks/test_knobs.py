@@ -75,6 +75,7 @@ def test_a_preset_varies_the_gains_of_adversaries_where_others_have_declared_sta
     ("attack", "expected"),
     [
         ({}, "attack: expected knobs"),
+        ({"vary": {"safety.eta": {"choice": [0.0]}}}, "attack: expected knobs"),
         ({"starts": {"4": [[0.0, 1.0]]}}, "attack.starts.4: expected 3 intervals"),
         ({"starts": {"4": [[1.0, 0.0]] * 3}}, "attack.starts.4.0: expected the least value first"),
         ({"scripts": {"1": 3}}, "attack.scripts: expected an agent's name, one of ['4', '5']"),
