@@ -55,8 +55,8 @@ def _certified(swarm: Swarm, i: int, x: np.ndarray) -> float:
     certificates, dynamics = swarm.once(SwarmCertificates).of(i), swarm.members[i].dynamics
     known = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
     inputs = [np.zeros(len(dynamics.inputs)), *([] if known is None else known.corners)]
-    possible = [pair not in certificates.refused for pair in certificates.pairs]
     longest = max(
-        float(certificates(x, u)[possible].min(initial=certificates.longest)) for u in inputs
+        float(certificates(x, u)[certificates.provable].min(initial=certificates.longest))
+        for u in inputs
     )
     return longest / certificates.tau

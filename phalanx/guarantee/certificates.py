@@ -33,7 +33,7 @@ class Held(NamedTuple):
     """The true stacked state now, shape (n̄,)."""
     u: Array
     """shape (m_i,)"""
-    near: Array | None = None
+    near: Mask | None = None
     """True for the agent's pairs that may become unsafe within the longest horizon, shape (p,);
     None if that is not known."""
 
@@ -185,14 +185,19 @@ class AgentCertificates:
         """τ = Γ_i + δ_i^max and the latency [s]."""
         self.longest = MULTIPLES[0] * self.tau
         """The longest horizon: the result for pairs that stay safe for longer [s]."""
-        sides = (swarm.ends[mine, 0] != i).astype(np.intp)
+        self.sides: Index = (swarm.ends[mine, 0] != i).astype(np.intp)
+        """Agent i's place in each pair, 0 or 1, shape (p,)."""
+        self.others: Index = swarm.ends[mine, 1 - self.sides]
+        """The other member of each pair, or N + k for obstacle k; shape (p,)."""
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
         """Number of each pair's kind, shape (p,)."""
+        self.provable: Mask = np.zeros(len(mine), dtype=bool)
+        """Pairs that some input can certify, shape (p,)."""
         self._groups: list[_Group] = []
         width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Positions of each pair's variables, shape (p, n), padded with zeros."""
-        sorts = 2 * swarm.sorts[mine] + sides
+        sorts = 2 * swarm.sorts[mine] + self.sides
         for sort in np.unique(sorts).tolist():
             which = np.flatnonzero(sorts == sort)
             number = swarm.kind(self.pairs[which[0]], sort % 2)
@@ -201,6 +206,7 @@ class AgentCertificates:
             self._groups.append(_Group(kind, which, places))
             self.kinds[which] = number
             self.places[which, : places.shape[1]] = places
+            self.provable[which] = kind.certificate.proven is not None
 
     @property
     def refused(self) -> dict[int, str]:
@@ -247,7 +253,7 @@ class AgentCertificates:
                 found[:, which[some]] = times.reshape(len(inputs), -1)
         return found
 
-    def __call__(self, x: Array, u: Array, near: Array | None = None) -> Array:
+    def __call__(self, x: Array, u: Array, near: Mask | None = None) -> Array:
         """Return the time for which each pair is proven safe with one input [s]."""
         (times,) = self._swarm.proven([Held(self, x, u, near)])
         return times
@@ -261,9 +267,8 @@ def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]
     compiled = cache(lambda: swarm.once(SwarmCertificates).of(i))
 
     def certified(x: Array, u: Array, seen: Sequence[int]) -> float:
-        each, known = compiled(), {*seen, *range(len(swarm.members), len(swarm.safe_set.labels))}
-        pairs = [swarm.safe_set.pairs[number] for number in each.pairs]
-        near = np.array([known.issuperset(pair) for pair in pairs], dtype=np.float64)
-        return float(each(x, u, near).min(initial=each.longest))
+        each = compiled()
+        known = np.isin(each.others, seen) | (each.others >= len(swarm.members))
+        return float(each(x, u, known).min(initial=each.longest))
 
     return certified

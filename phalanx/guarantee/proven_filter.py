@@ -37,9 +37,7 @@ class OwnProofs:
         swarm = rows.swarm
         self._certificates, self._needed = swarm.once(SwarmCertificates), longest
         self.own = own = self._certificates.of(i)
-        ends = self._certificates.ends[list(own.pairs)]
-        self.others = np.where(ends[:, 0] == i, ends[:, 1], ends[:, 0])
-        """The other member of each pair, or N + k for obstacle k; shape (p,)."""
+        self.others = own.others
         self.agents = len(swarm.members)
         self._seen: tuple[int, ...] = ()
         self._in_sight = np.zeros(len(own.pairs), dtype=bool)
@@ -48,9 +46,6 @@ class OwnProofs:
         """Time up to which each pair is proven safe for all inputs of all agents [s]."""
         self._all_quiet_until = -np.inf
         """The same of all pairs in sight [s]."""
-        refused = own.refused
-        self.provable: Mask = np.array([pair not in refused for pair in own.pairs], dtype=bool)
-        """Pairs that some input can certify, shape (p,)."""
         self.unprovable_in_sight = False
 
     @property
@@ -70,8 +65,8 @@ class OwnProofs:
         if now.seen != self._seen:
             self._seen = now.seen
             known = np.isin(self.others, now.seen) | (self.others >= self.agents)
-            self._in_sight = known & self.provable
-            self.unprovable_in_sight = bool((known & ~self.provable).any())
+            self._in_sight = known & self.own.provable
+            self.unprovable_in_sight = bool((known & ~self.own.provable).any())
         elif self._all_quiet_until >= now.t + self._needed:
             return None
         due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
@@ -98,7 +93,7 @@ class EarnedFilter:
         others = self.proofs.others.tolist()
         self._reserve = np.array([reserve.get(l, 0.0) for l in others])
         longest = self.proofs.own.longest
-        unprovable = set(self.proofs.others[~self.proofs.provable].tolist())
+        unprovable = set(self.proofs.others[~self.proofs.own.provable].tolist())
         self._never = unprovable | {l for l, time in reserve.items() if time > longest}
         """Agents whose betrayal no certificate can cover: it may be convicted too late, or h has no
         bound."""

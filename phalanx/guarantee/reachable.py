@@ -60,7 +60,7 @@ class ReachableBoxes:
             box = swarm.shared(("reachable box", number, horizon), made)
             self._groups.append(_Group(own, states, box))
 
-    def near(self, i: int, others: Index, t: float, x: Array) -> Array:
+    def near(self, i: int, others: Index, t: float, x: Array) -> Mask:
         """Return which others agent i may meet within a certificate's longest horizon, shape (r,).
 
         others: members, or N + k for obstacle k, shape (r,). t: now [s], not before the last call.
@@ -74,7 +74,7 @@ class ReachableBoxes:
                     self._low[group.members] = box[:, : self._axes]
                     self._high[group.members] = box[:, self._axes :]
             self._near = self._pairwise()
-        near: Array = self._near[i, others]
+        near: Mask = self._near[i, others]
         return near
 
     def _pairwise(self) -> Mask:

@@ -226,9 +226,9 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
     certificates = swarm.once(SwarmCertificates)
     agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
-    refused = {}
+    refused, reasons = {}, {i: each.refused for i, each in agents.items()}
     for number, pair in enumerate(composed.pairs):
-        sides = [agents[l].refused for l in (pair.a, pair.b) if l in agents]
+        sides = [reasons[l] for l in (pair.a, pair.b) if l in agents]
         if all(number in side for side in sides):
             refused[composed.label(pair)] = sides[0][number]
     begun = {swarm.names[i]: _begins(swarm, i, each, x) for i, each in agents.items()}
@@ -241,11 +241,10 @@ def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> 
     clock, latency = swarm.groups[i].clock, swarm.time.latency
     dynamics = swarm.members[i].dynamics
     zero = np.zeros(len(dynamics.inputs))
-    possible = [pair not in certificates.refused for pair in certificates.pairs]
     inputs, needed = [zero], latency
     if not latency:
         state = ca.SX.sym("x", len(dynamics.states))
         known = constant_polytope(*dynamics.input_polytope(state))
         inputs += [] if known is None else list(known.corners)
         needed = clock.period - clock.jitter
-    return any(bool((certificates(x, u)[possible] >= needed).all()) for u in inputs)
+    return any(bool((certificates(x, u)[certificates.provable] >= needed).all()) for u in inputs)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
@@ -24,20 +24,14 @@ class Coverage:
     def __init__(self, swarm: Swarm) -> None:
         """Compile the certificate of each kind of pair."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
-        certificates = self._certificates = swarm.once(SwarmCertificates)
+        self._certificates = swarm.once(SwarmCertificates)
         function = proven_reach(swarm.safety.safe_set_function)
         self._boxes = ReachableBoxes(swarm, function) if function else None
-        self._agents = {i: certificates.of(i) for i in swarm.normal}
-        self._others = {
-            i: np.where(ends[:, 0] == i, ends[:, 1], ends[:, 0])
-            for i, each in self._agents.items()
-            for ends in [certificates.ends[list(each.pairs)]]
-        }
+        self._agents = {i: self._certificates.of(i) for i in swarm.normal}
         self._pairs = {i: np.array(each.pairs) for i, each in self._agents.items()}
         # The number of an agent's side of each pair, and of the other side.
-        sides = {i: (certificates.ends[own, 0] != i) for i, own in self._pairs.items()}
-        self._own = {i: 2 * own + sides[i] for i, own in self._pairs.items()}
-        self._other = {i: 2 * own + ~sides[i] for i, own in self._pairs.items()}
+        sides = {i: 2 * self._pairs[i] + each.sides for i, each in self._agents.items()}
+        self._own, self._other = sides, {i: numbers ^ 1 for i, numbers in sides.items()}
         self._until = np.full(2 * len(pairs), -np.inf)
         """End of the certificate of each side of each pair [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
@@ -101,8 +95,8 @@ class Coverage:
         self._turned.add(i)
         self._is_apart[apart] = True
 
-    def _near(self, i: int, t: float, x: Array) -> Array | None:
-        return None if self._boxes is None else self._boxes.near(i, self._others[i], t, x)
+    def _near(self, i: int, t: float, x: Array) -> Mask | None:
+        return None if self._boxes is None else self._boxes.near(i, self._agents[i].others, t, x)
 
     def _issue(self, i: int, t: float, proven: Array) -> float:
         own, other, pairs = self._own[i], self._other[i], self._pairs[i]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.proven_filter import EarnedFilter, ProvenFilter
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.seeded.draws import Draws
@@ -65,9 +65,14 @@ def test_nobody_is_trusted_for_longer_than_the_longest_certificate(share, truste
 def test_nobody_is_trusted_whose_pair_no_input_can_certify(monkeypatch):
     rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "earned"}))).seen_by(0)
     x, first, asked = rows.swarm.start(), rows.filter(0), []
-    own, pairs = SwarmCertificates(rows.swarm).of(0).pairs, rows.swarm.safe_set.pairs
-    unbounded = {k: "no bound of h" for k in own if 1 in pairs[k]}
-    monkeypatch.setattr(AgentCertificates, "refused", unbounded)
+    of = SwarmCertificates.of
+
+    def without_agent_2(swarm, i):
+        certificates = of(swarm, i)
+        certificates.provable &= certificates.others != 1
+        return certificates
+
+    monkeypatch.setattr(SwarmCertificates, "of", without_agent_2)
 
     def observed(now):
         asked.append(now.trusted)
