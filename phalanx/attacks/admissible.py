@@ -2,13 +2,11 @@
 
 from collections.abc import Iterable
 
-import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.guarantee.start import longest_certificate
 from phalanx.scenario.attack import Attack
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.models.polytope import constant_polytope
 
 
 def shortfall(swarm: Swarm, attack: Attack) -> tuple[float, str]:
@@ -22,7 +20,7 @@ def shortfall(swarm: Swarm, attack: Attack) -> tuple[float, str]:
         reason = f"{who} start {apart:.3g} m apart, expected {attack.apart:g} m"
         return attack.apart - apart, reason
     for i in swarm.normal:
-        for_tau = _certified(swarm, i, x)
+        for_tau = longest_certificate(swarm, i, x) / swarm.horizon(i)
         if for_tau < attack.certified:
             reason = (
                 f"agent {swarm.names[i]} starts with a certificate of {for_tau:.3g} τ, "
@@ -45,18 +43,3 @@ def nearest(swarm: Swarm) -> tuple[float, str]:
         for j in adversaries
     )
     return min(each, default=(np.inf, ""))
-
-
-def _certified(swarm: Swarm, i: int, x: np.ndarray) -> float:
-    """Return the longest certificate of all of agent i's pairs by zero or a corner of U, in τ.
-
-    Pairs for which no certificate exists do not count.
-    """
-    certificates, dynamics = swarm.once(SwarmCertificates).of(i), swarm.members[i].dynamics
-    known = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
-    inputs = [np.zeros(len(dynamics.inputs)), *([] if known is None else known.corners)]
-    longest = max(
-        float(certificates(x, u)[certificates.provable].min(initial=certificates.longest))
-        for u in inputs
-    )
-    return longest / certificates.tau

@@ -124,7 +124,9 @@ class ProvenFilter:
         self._i, self._first, self._pairs = i, first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
         self.proofs = OwnProofs(rows, i, rows.swarm.horizon(i))
-        self._own = self.proofs.own
+        self._own = own = self.proofs.own
+        self._provable = {i, *own.others[own.provable].tolist()}
+        """Itself and the others with whom a pair can be proven: no other's row may exist."""
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply, and for how long it is proven safe."""
@@ -157,7 +159,7 @@ class ProvenFilter:
     def _with_whole_rows(self, now: FilterInput, first: Filtered, weak: Mask) -> Filtered:
         """Solve the QP with the first filter's rows and whole rows for these pairs."""
         assert first.rows is not None
-        terms = self._pairs(now.x, now.seen)
+        terms = self._pairs(now.x, [l for l in now.seen if l in self._provable])
         agents, others = self.proofs.agents, self.proofs.others[weak].tolist()
         counted = {l if l < agents else None for l in others}
         chosen = np.array([l in counted for l in terms.others], dtype=bool)

@@ -15,7 +15,7 @@ import numpy as np
 
 from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import highest_within
-from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.runnable import first_nominal
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -231,20 +231,28 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
         sides = [reasons[l] for l in (pair.a, pair.b) if l in agents]
         if all(number in side for side in sides):
             refused[composed.label(pair)] = sides[0][number]
-    begun = {swarm.names[i]: _begins(swarm, i, each, x) for i, each in agents.items()}
+    begun = {swarm.names[i]: longest_certificate(swarm, i, x) >= _needed(swarm, i) for i in agents}
     h = swarm.pairs.choose(swarm.pairs.every).h(x)
     return CertifiedStart(bool((h <= 0.0).all()), refused, begun)
 
 
-def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> bool:
-    """Return whether zero or a corner of U_i is certified; with a latency, zero alone."""
-    clock, latency = swarm.groups[i].clock, swarm.time.latency
-    dynamics = swarm.members[i].dynamics
-    zero = np.zeros(len(dynamics.inputs))
-    inputs, needed = [zero], latency
-    if not latency:
+def _needed(swarm: Swarm, i: int) -> float:
+    """Return for how long agent i's first input has to be certified [s]."""
+    clock = swarm.groups[i].clock
+    return swarm.time.latency or clock.period - clock.jitter
+
+
+def longest_certificate(swarm: Swarm, i: int, x: Array) -> float:
+    """Return the longest certificate of all of normal agent i's pairs by a first input at x [s].
+
+    The inputs are zero and the corners of U_i; with a latency, zero alone, which is held at first.
+    Pairs for which no certificate exists do not count.
+    """
+    certificates, dynamics = swarm.once(SwarmCertificates).of(i), swarm.members[i].dynamics
+    inputs = [np.zeros(len(dynamics.inputs))]
+    if not swarm.time.latency:
         state = ca.SX.sym("x", len(dynamics.states))
         known = constant_polytope(*dynamics.input_polytope(state))
         inputs += [] if known is None else list(known.corners)
-        needed = clock.period - clock.jitter
-    return any(bool((certificates(x, u)[certificates.provable] >= needed).all()) for u in inputs)
+    certified = [certificates(x, u)[certificates.provable] for u in inputs]
+    return max(float(times.min(initial=certificates.longest)) for times in certified)

@@ -9,6 +9,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.rows.composed import NO_MARGIN
 from phalanx.theory.safety.pairs import PairFunctions
 
 _DIGITS = 60.0 * math.log(2.0)
@@ -68,13 +69,20 @@ class LargestPsi:
         self._rows, pairs = rows, rows.swarm.pairs
         kinds = [0 for _ in rows.swarm.members]
         along_drift = PairFunctions(pairs, kinds, lambda _, kind: pairs.kinds[kind].along_drift)
-        self.functions = rows.pair_psi if rows.swarm.safety.pairwise else along_drift
+        safety = rows.swarm.safety
+        self.functions = rows.pair_psi if safety.pairwise else along_drift
         """Functions needed of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
+        computed = safety.xi_of_chain is None or rows.relative_degree > 2
+        # D_k within ψ_k needs gradients, which the values of pairs along the drift do not have.
+        self._chain = (
+            rows.terms_of_all(NO_MARGIN) if safety.counts_disturbance and computed else None
+        )
 
-    def __call__(self, pairs: Array, least: Array, composed: Composed) -> Array:
+    def __call__(self, x: Array, pairs: Array, least: Array, composed: Composed) -> Array:
         """Evaluate at s states, shape (s,); empty if q = 1.
 
         Args:
+            x: stacked states, shape (s, n̄).
             pairs: values of the functions for each pair, shape (s, r, q).
             least: pairs with a smaller h are ignored if each has its own chain, shape (s,).
             composed: the same pairs composed.
@@ -84,6 +92,8 @@ class LargestPsi:
         if self._rows.swarm.safety.pairwise:
             counting = pairs[..., 0] >= least[:, None]
             each = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
+        elif self._chain is not None:
+            each = np.stack([self._chain.psi(state)[1:] for state in x])
         else:
             some = np.flatnonzero(composed.weights.any(axis=0))
             jets = self._rows.composed.jets

@@ -74,6 +74,6 @@ class Evaluation:
                 pairs,
                 h,
                 composed.h_tot,
-                self._psi(values, least, composed),
+                self._psi(x[some], values, least, composed),
                 resolved[some],
             )

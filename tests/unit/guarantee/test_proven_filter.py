@@ -1,5 +1,6 @@
 """Agents that prove their inputs: certified ones stay as they are, others are replaced."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from phalanx_agent.controller import DistributedController
@@ -7,10 +8,11 @@ from phalanx_agent.controller import DistributedController
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.proven_filter import ProvenFilter
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import ScenarioError, load, read_table
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.theory.rows.safety_filter import FilterInput
 
@@ -95,6 +97,31 @@ def test_with_proofs_a_hijack_leaves_the_remaining_pairs_guaranteed():
     proven = ends[True].inputs.filter(agent="1")["proven"]
     assert np.isfinite(proven.drop_nulls().to_numpy()).all()
     assert len(proven.drop_nulls()) == len(proven)
+
+
+class SlowNearBorders(SingleIntegrator):
+    """A single integrator whose inputs depend on its state, so that no pair with it is proven."""
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        A, b = super().input_polytope(x)
+        return A, b / (1.0 + x[0] ** 2)
+
+
+@pytest.mark.slow
+def test_one_whose_pairs_cannot_be_proven_does_not_keep_an_agent_from_proving_others():
+    b_starts_at_5_4 = {
+        "names": ["b"], "role": "adversary", "start": [[5.0, 4.0]], "spread": [],
+        "dynamics": {"type": f"{__name__}:SlowNearBorders", "speed": 1.0},
+    }  # fmt: skip
+    table = read_table("one-on-one")
+    table["agents"].append({**table["agents"][1], **b_starts_at_5_4})
+    scenario = load(
+        {**table, "duration": 1.5},
+        {"safety.prove": True, "safety.eta": 0.0, "safety.alpha": [20.0]},
+    )
+    result = phalanx.run(scenario, engine="in-process")
+    assert result.verdict is not phalanx.Outcome.BROKEN
+    assert result.summary.origins[Origin.LONGEST] > 10
 
 
 @pytest.mark.parametrize(

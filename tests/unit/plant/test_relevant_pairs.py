@@ -49,7 +49,9 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
         assert sorted(every) == list(range(len(swarm.safe_set.pairs)))
         some, all_ = total(values[..., 0]), total(of_all[..., 0])
         assert (some.h_tot == all_.h_tot).all()
-        assert (largest_psi(values, least, some) == largest_psi(of_all, least, all_)).all()
+        assert (
+            largest_psi(two, values, least, some) == largest_psi(two, of_all, least, all_)
+        ).all()
         order = np.argsort(every)
         assert (values == of_all[:, order[pairs]]).all()
         assert (np.diff(order[pairs]) > 0).all(), "sums are in one order"
