@@ -73,7 +73,8 @@ def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
     An interval holds two values of each curve, about: with one, clocks that jitter would leave a
     curve out of some.
     """
-    t, values = (np.concatenate(c) for c in zip(*(s.known() for s in curves), strict=True))
+    known = [s.known() for s in curves] or [Series(np.zeros(0), np.zeros(0))]
+    t, values = (np.concatenate(c) for c in zip(*known, strict=True))
     if not len(t):
         return Envelope(np.zeros((0, 2)), np.zeros((len(QUANTILES), 0)))
     intervals = max(1, min(int(np.median([len(s.t) for s in curves])) // 2, most))

@@ -18,7 +18,7 @@ from phalanx.network.link import LinkModel
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report import style
-from phalanx.theory.rows.origin import OF_CONTROLLERS, Origin
+from phalanx.theory.rows.origin import OF_CONTROLLERS, OF_PROOFS, Origin
 
 _MOST_LINKS = 40
 _COLOURS = {
@@ -36,7 +36,7 @@ _MOST_LANES = 24
 _LANE, _MOST_HIGH = 0.34, 7.0
 """[inch]"""
 _DOTS = (
-    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, *OF_CONTROLLERS}),
+    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, *OF_PROOFS, *OF_CONTROLLERS}),
     ("#8f0f2a", "o", {Origin.ATTACK}),
     (_COLOURS[Origin.BACKUP], "s", {Origin.BACKUP}),
     (_COLOURS[Origin.NO_AUTHORITY], "s", {Origin.NO_AUTHORITY}),

@@ -33,6 +33,12 @@ class MarginUse(NamedTuple):
         """True at steps that used less than is proven to suffice."""
         return self.used < self.needed
 
+    @property
+    def share(self) -> Array:
+        """The margin used, in multiples of what is needed; inf where none is needed."""
+        share = np.full(len(self.t), np.inf)
+        return np.divide(self.used, self.needed, out=share, where=self.needed > 0.0)
+
 
 def margin_use(history: ReportHistory, i: int) -> MarginUse | None:
     """Normal agent i's margins at evenly chosen steps; None if it had no pair at any.
@@ -107,7 +113,7 @@ def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
         style.logarithmic(axes)
         axes.margins(y=0.15)
         axes.set_ylabel(f"margin [{unit}]")
-        least = f"at least {(use.used / use.needed).min():.3g} of it used"
+        least = f"at least {use.share.min():.3g} of it used"
         counted = f"{least}, short at {use.short.sum()} of {len(use.t)} steps"
         axes.set_title(counted, loc="right", fontsize=style.current().title - 1.0)
         style.legend(axes, f"agent {name}")
@@ -116,7 +122,7 @@ def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
 
 def _many_figure(uses: dict[str, MarginUse]) -> Figure:
     """Margin used over margin needed, of all agents."""
-    curves = {name: Series(use.t, use.used / use.needed) for name, use in uses.items()}
+    curves = {name: Series(use.t, use.share) for name, use in uses.items()}
     figure, (axes,) = style.over_time(1, 3.0)
     style.draw_many(axes, curves, lambda y: y.min(), "normal agents", " times")
     axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)

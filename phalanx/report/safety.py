@@ -135,12 +135,15 @@ def required_distance(scenario: Scenario) -> float | None:
     return float(radius) if isinstance(radius, int | float) else None
 
 
-def distances(history: RecordedHistory) -> Figure:
+def distances(history: RecordedHistory) -> Figure | None:
     """Draw distances of pairs over time, by kind of pair, with the distances required.
 
-    With many agents, each normal agent's distance from its nearest; and the closest few pairs.
+    With many agents, each normal agent's distance from its nearest; and the closest few pairs. None
+    without a pair that has a distance: one agent within limits.
     """
     kinds = _pairs_by_kind(history.swarm)
+    if not kinds:
+        return None
     figure, rows = style.over_time(len(kinds), 2.4)
     for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
         style.logarithmic(axes)

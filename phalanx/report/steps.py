@@ -36,7 +36,7 @@ def draw_certified(axes: Axes, history: RecordedHistory) -> None:
     style.style_axes(axes)
     every = _curves(history, "certified", swarm.normal)
     curves = {name: series.known() for name, series in every.items()}
-    if style.summarises(history.scenario):
+    if curves and style.summarises(history.scenario):
         style.draw_many(axes, curves, lambda y: (y.min(), y.mean()), "normal agents", " τ")
         ratios = np.concatenate([ratio for _, ratio in curves.values()])
         style.title(axes, f"{(ratios < 1.0).sum()} of {len(ratios)} inputs below τ")

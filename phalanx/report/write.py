@@ -94,7 +94,8 @@ def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterato
         if higher := safety.psi(history):
             yield ReportFigure("psi", _PSI, higher)
         yield ReportFigure("paths", _paths_caption(recording), paths(history))
-        yield ReportFigure("distances", _NEAREST if many else _DISTANCES, safety.distances(history))
+        if apart := safety.distances(history):
+            yield ReportFigure("distances", _NEAREST if many else _DISTANCES, apart)
     if recording.states and recording.steps:
         yield from _step_figures(history)
         if not history.values.too_large and (compared := margins(history)):

@@ -1,10 +1,11 @@
 """The scenario as a whole, in SI units."""
 
 import shlex
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
-from itertools import count, islice
+from itertools import combinations, count, islice
 from typing import Annotated, Any, Self, cast
 
 import numpy as np
@@ -172,6 +173,11 @@ class Scenario(Strict):
                 raise field_error(
                     ("agents",), f"expected every name once, got {name!r} twice", names
                 )
+        joined = any("-" in name for name in names)
+        pairs = Counter(f"{a}-{b}" for a, b in combinations(names, 2) if joined)
+        if doubled := [label for label, number in pairs.items() if number > 1]:
+            message = f"expected names without two pairs that are both called {doubled[0]}"
+            raise field_error(("agents",), message, names)
         if len(names) > MAX_AGENTS:
             raise field_error(("agents",), f"expected at most {MAX_AGENTS} agents", len(names))
         if all(group.role == "adversary" for group in self.agents):

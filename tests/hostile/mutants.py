@@ -178,6 +178,8 @@ MUTANTS = (
            _TEST_JUDGE),
     Mutant("a theorem that believes broadcasts", _ASSUMED, "self._fresh, self._broadcasts]",
            "self._fresh]", _TEST_JUDGE),
+    Mutant("a gap that lasts to the end", _ASSUMED, "if event.t >= self._swarm.scenario.duration:",
+           "if False:", _TEST_JUDGE),
     Mutant("who may go any distance", _LOOKAHEAD, "            return True",
            "            return False", _TEST_LOOKAHEAD),
     Mutant("where an awaited agent is", _LOOKAHEAD, "if j in self._unknown:", "if False:",

@@ -34,6 +34,21 @@ _POLL = 0.2
 T = TypeVar("T")
 
 
+class Countdown:
+    """The time left of a wait, without what passes while this process is stopped."""
+
+    def __init__(self, seconds: float) -> None:
+        self._left, self._looked = seconds, time.monotonic()
+
+    def ended(self) -> bool:
+        """Return whether nothing is left; asked once in each poll."""
+        now = time.monotonic()
+        # A poll that took longer was interrupted (Ctrl-Z): agents' answers may be on their way.
+        self._left -= min(now - self._looked, 2.0 * _POLL)
+        self._looked = now
+        return self._left < 0.0
+
+
 class Hub:
     """Sends samples to agents, and receives their answers.
 
@@ -63,6 +78,8 @@ class Hub:
         self._alone = {swarm.names.index(own[0]) for own in programs.values() if len(own) == 1}
         """The agents that have a process of their own."""
         self._stopped: set[str] = set()
+        self._mute: set[int] = set()
+        """Agents that did not answer in time: what else is missing of them is not waited for."""
         self._status = Status()
         """The last status."""
         # Before the session is open: this may fail.
@@ -98,10 +115,10 @@ class Hub:
         Raises:
             SwarmBrokenError: an agent does not join, leaves, or runs another scenario.
         """
-        deadline = time.monotonic() + self._timeout
+        left = Countdown(self._timeout)
         while missing := self._missing():
             waiting_for(missing)
-            self._take_event(deadline, f"agent {', '.join(missing)} did not join")
+            self._take_event(left, f"agent {', '.join(missing)} did not join")
             for name in self._joining.gone_for(_AWAY):
                 raise SwarmBrokenError(f"agent {name} died: see its log")
         self._joining.begin()
@@ -159,15 +176,19 @@ class Hub:
         self.session.status.put(self._status)
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
-        deadline = time.monotonic() + self._timeout
+        left = Countdown(0.0 if i in self._mute else self._timeout)
         while (found := take()) is None:
             k = self._answers.expected(i)
-            self._take_event(deadline, f"agent {self._names[i]} {failed_to} sample {k}")
+            try:
+                self._take_event(left, f"agent {self._names[i]} {failed_to} sample {k}")
+            except SwarmBrokenError:
+                self._mute.add(i)
+                raise
         return found
 
-    def _take_event(self, deadline: float, complaint: str) -> None:
+    def _take_event(self, left: Countdown, complaint: str) -> None:
         self._check_stop()
-        if time.monotonic() > deadline:
+        if left.ended():
             dropped = ", ".join(f"{n} {reason}" for reason, n in self.refusals.counts.items())
             because = f" (dropped payloads: {dropped})" if dropped else ""
             hint = "see its log, or raise time.timeout"
@@ -235,13 +256,13 @@ class LockstepHub(Hub):
         """
         if i not in self._alone:
             return
-        name, deadline = self._names[i], time.monotonic() + self._timeout
+        name, left = self._names[i], Countdown(self._timeout)
         self._joining.invite(name)
         while self._joining.has(name):
-            self._take_event(deadline, f"agent {name} did not die")
+            self._take_event(left, f"agent {name} did not die")
         while not self._joining.has(name):
             super().restart(i, t)
-            self._take_event(deadline, f"agent {name} did not join again")
+            self._take_event(left, f"agent {name} did not join again")
         self.session.samples[i].wait_until_heard(self._timeout)
 
     def _await_report(self, i: int) -> None:

@@ -161,11 +161,18 @@ class Assumptions:
             self._disturbance.note = f"{_WITHIN}; the most above was {most}"
 
     def reached(self, event: StateReached) -> None:
-        """Check the actuators that have held zero since t = 0, and store the state."""
+        """Check the actuators that have held zero since t = 0, and store the state.
+
+        At the end of the run also how long ago each agent's last sample was.
+        """
         if event.t > 0.0:
             for i, zero in self._at_zero.items():
                 self._inputs.check(self._actuators.takes(i, self._x[self._parts[i]], zero), 0.0)
         self._x = event.x
+        if event.t >= self._swarm.scenario.duration:
+            for i, longest in enumerate(self._longest_gap):
+                last, _ = self._sampled.get(i, (0.0, event.x))
+                self._gap.check(event.t - last <= longest, event.t)
 
     def sampled(self, event: Sampled) -> None:
         """Check a sample's truth, and the gap since the agent's previous one."""

@@ -59,7 +59,7 @@ class Recorder:
     def __init__(self, swarm: Swarm, recording: RecordSink) -> None:
         self._names, self._declared = swarm.names, swarm.links.declared
         self._recording = recording
-        self._every = swarm.time.recording_step
+        self._every, self._end = swarm.time.recording_step, swarm.scenario.duration
         """Least time between two recorded states [s]."""
         self._state_due = 0.0
         self._peak = -np.inf
@@ -76,7 +76,7 @@ class Recorder:
             match event:
                 case StateReached():
                     peak = self._peak = judged.peak if judged.peak > self._peak else self._peak
-                    if event.t >= self._state_due:
+                    if event.t >= min(self._state_due, self._end):
                         records.append(State(event.t, event.x.tolist(), peak))
                         self._state_due, self._peak = event.t + self._every, -np.inf
                 case CommandApplied():

@@ -35,6 +35,10 @@ def test_one_side_alone_keeps_its_peaks_and_not_the_others(side, spike, other) -
     assert len(found) <= 400
 
 
+def test_without_curves_an_envelope_has_no_interval() -> None:
+    assert len(envelope([]).edges) == 0
+
+
 def test_of_curves_apart_each_quantile_is_a_curve() -> None:
     found = envelope(curves(101, 4))
     assert found.values.shape == (len(QUANTILES), 4)

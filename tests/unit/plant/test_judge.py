@@ -92,6 +92,16 @@ def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
 
 
 @pytest.mark.slow
+def test_a_sampling_gap_that_lasts_to_the_end_of_the_run_is_counted():
+    """Agent 2's last sample is too old then, and those of agents 3 to 5 never came."""
+    judge = judge_of("duration=0.5")
+    judge.happen(Sampled(0, 0.49), Sampled(1, 0.4))
+    assert counted(judge, "sampling gap") == (0, 0, None)
+    judge.happen(StateReached(0.5, rows_of_scenario("unicycles").swarm.start(), []))
+    assert counted(judge, "sampling gap") == (4, 5, 0.5)
+
+
+@pytest.mark.slow
 def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     judge = judge_of()
     apply(judge, 1, k=0, t=0.00)

@@ -15,9 +15,11 @@ from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
+from phalanx.report.margins import MarginUse
 from phalanx.report.page import origins
 from phalanx.report.safety import distances
-from phalanx.scenario.load import load
+from phalanx.report.write import draw_figures
+from phalanx.scenario.load import load, read_table
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift
@@ -34,6 +36,21 @@ def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> 
         assert list(marks["backup (4 steps)"]) == pytest.approx([0.0, 0.1, 0.2, 0.3])
         assert list(marks["no authority (4 steps)"]) == pytest.approx([0.05, 0.15, 0.25, 0.35])
     assert origins(recording) == {"qp": 96, "solver-failed": 0, "backup": 12, "no-authority": 12}
+
+
+def test_one_agent_within_limits_has_no_distances_to_draw() -> None:
+    fence = [{"type": "fence", "center": [0.0, 0.0], "radius": 8.0}]
+    table = {**read_table("one-on-one"), "limits": fence}
+    table["agents"] = table["agents"][:1]
+    scenario = load(table)
+    recording = Recording(Path(), scenario, {}, drift(scenario, states=2, steps=0), [])
+    drawn = [figure.name for figure in draw_figures(ReportHistory(recording), [])]
+    assert drawn == ["h_tot", "paths"]
+
+
+def test_a_margin_where_none_is_needed_is_no_share_of_it() -> None:
+    use = MarginUse(np.arange(3.0), np.array([0.2, 0.3, 0.0]), np.array([0.1, 0.0, 0.0]))
+    assert use.share.tolist() == [2.0, np.inf, np.inf]
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:

@@ -6,11 +6,16 @@ from pathlib import Path
 import pytest
 
 from phalanx.recording.read import Recording
-from phalanx.report.links import link_statistics
+from phalanx.report.links import _DOTS, link_statistics
 from phalanx.scenario.model import Scenario
+from phalanx.theory.rows.origin import Origin
 from tests.unit.report.recordings import fate
 
 pytestmark = pytest.mark.nightly
+
+
+def test_every_control_step_has_a_dot() -> None:
+    assert set().union(*(origins for *_, origins in _DOTS)) == set(Origin)
 
 
 def test_link_statistics_are_those_of_the_links(recording: Recording, faulty: Scenario) -> None:

@@ -99,6 +99,10 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace("[formation]", "[time]\nintegration_step = 0.01\n\n[formation]"),
         ["time.integration_step: expected less than or equal to 0.001", "got 0.01"],
     ),
+    "two pairs of one name": (
+        lambda t: t.replace('["1", "2", "3"]', '["a-b", "c", "a"]').replace('"4"', '"b-c"'),
+        ["agents: expected names without two pairs that are both called a-b-c"],
+    ),
     "no agents": (lambda t: t[: t.index("[[agents]]")], ["agents: expected a value, got nothing"]),
     "several errors at once": (
         lambda t: (
