@@ -131,11 +131,9 @@ def execute(
 
     folder: of the run, or a function that makes it, called once the scenario is runnable.
     """
-    from phalanx.theory.models.world import require_clock
-
     open_closed_streams()
     try:
-        require_clock(scenario.fresh_world(), options.real_time)
+        scenario.require_clock(options.real_time)
     except ValueError as error:
         raise EngineError(str(error)) from error
     run: Engine = pkgutil.resolve_name(ENGINES[options.engine].function)

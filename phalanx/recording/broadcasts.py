@@ -32,7 +32,9 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
     """Yield every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
     names = [name for name, _, _ in recording.scenario.roster()]
     place = {name: i for i, name in enumerate(names)}
-    sent = {(step.agent, step.k): step.t for step in recording.steps}
+    # A broadcast is put when its input takes effect; delays count from there.
+    latency = recording.scenario.time.latency
+    sent = {(step.agent, step.k): step.t + latency for step in recording.steps}
     of_agents = steps_by_agent(recording).items()
     # In lists: for a single number bisect takes a fifth of NumPy's time.
     samples = {name: [*(s.t for s in steps), np.inf] for name, steps in of_agents}

@@ -36,8 +36,9 @@ class MarginUse(NamedTuple):
     @property
     def share(self) -> Array:
         """The margin used, in multiples of what is needed; inf where none is needed."""
-        share = np.full(len(self.t), np.inf)
-        return np.divide(self.used, self.needed, out=share, where=self.needed > 0.0)
+        share: Array = np.full(len(self.t), np.inf)
+        np.divide(self.used, self.needed, out=share, where=self.needed > 0.0)
+        return share
 
 
 def margin_use(history: ReportHistory, i: int) -> MarginUse | None:

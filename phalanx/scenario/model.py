@@ -45,7 +45,7 @@ from phalanx.schema.fields import (
 from phalanx.schema.notebook import html_table
 from phalanx.seeded.draws import Seeds
 from phalanx.theory.laws.formation import Formation
-from phalanx.theory.models.world import World
+from phalanx.theory.models.world import World, require_clock
 from phalanx.theory.safety.function import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere, Wall
 
@@ -222,6 +222,19 @@ class Scenario(Strict):
     def fresh_world(self) -> World | None:
         """Build the world that the table describes, if there is one."""
         return None if self.world is None else cast(World, built("world", World, self.world))
+
+    def require_clock(self, real_time: float | None) -> None:
+        """Raise ValueError if the scenario cannot run by this clock.
+
+        real_time: seconds of virtual time per second of wall time; None in lockstep.
+        """
+        require_clock(self.fresh_world(), real_time)
+        if real_time is not None and self.safety.watches and not self.time.latency:
+            raise ValueError(
+                "safety: expected no watch, evidence or information = 'earned' in real time "
+                "without a time.latency: inputs take effect later than agents announce, and that "
+                "would convict honest ones"
+            )
 
     def _check_reseed(self) -> None:
         before = 0.0

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -38,7 +39,23 @@ Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
 Probability = Annotated[Finite, Field(ge=0, le=1)]
-Table = dict[str, Any]
+
+
+def _check_finite(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table. Raises ValueError for an infinite number: JSON, as recorded, has none."""
+    inside: list[Any] = [table]
+    while inside:
+        value = inside.pop()
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError("expected finite numbers")
+        if isinstance(value, Mapping):
+            inside += value.values()
+        elif isinstance(value, list | tuple):
+            inside += value
+    return table
+
+
+Table = Annotated[dict[str, Any], AfterValidator(_check_finite)]
 Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 
 # Tags of unions: pydantic puts them into an error's location, but no field has such a name.

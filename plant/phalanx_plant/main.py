@@ -20,7 +20,7 @@ from phalanx.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.models.world import WorldError, require_clock
+from phalanx.theory.models.world import WorldError
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
@@ -105,7 +105,7 @@ def run(
         RecordingError: the recording cannot be begun.
         WorldError: the scenario's world cannot start.
     """
-    require_clock(rows.swarm.scenario.fresh_world(), real_time)
+    rows.swarm.scenario.require_clock(real_time)
     stop = StopRequest()
     hub_class, clock, policy = _clock_for(policy, real_time)
     scenario = rows.swarm.scenario

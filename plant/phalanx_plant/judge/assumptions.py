@@ -179,8 +179,9 @@ class Assumptions:
         i, t = event.i, event.t
         if i in self._swarm.normal:
             self._truthful.check(event.truthful, t)
-        if i in self._sampled:
-            self._gap.check(t - self._sampled[i][0] <= self._longest_gap[i], t)
+        if t > 0.0:
+            last, _ = self._sampled.get(i, (0.0, self._x))
+            self._gap.check(t - last <= self._longest_gap[i], t)
         self._sampled[i] = t, self._x
 
     def fell_silent(self, i: int, t: float) -> None:

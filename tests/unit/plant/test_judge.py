@@ -87,18 +87,22 @@ def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
     for t in (0.0, 0.012, 0.020, 0.0325, 0.0425, 0.060):
         judge.happen(Sampled(1, t))
     assert counted(judge, "sampling gap") == (2, 5, 0.0325)
-    judge.happen(Sampled(2, 0.5))
+    judge.happen(Sampled(2, 0.0))
     assert counted(judge, "sampling gap")[1] == 5
+    judge.happen(Sampled(3, 0.05))
+    assert counted(judge, "sampling gap")[:2] == (3, 6), "the first sample was to come at t = 0"
 
 
 @pytest.mark.slow
 def test_a_sampling_gap_that_lasts_to_the_end_of_the_run_is_counted():
     """Agent 2's last sample is too old then, and those of agents 3 to 5 never came."""
     judge = judge_of("duration=0.5")
-    judge.happen(Sampled(0, 0.49), Sampled(1, 0.4))
-    assert counted(judge, "sampling gap") == (0, 0, None)
+    for t in (0.0, 0.01):
+        judge.happen(Sampled(1, t))
+    judge.happen(*[Sampled(0, 0.01 * k) for k in range(50)])
+    assert counted(judge, "sampling gap") == (0, 50, None)
     judge.happen(StateReached(0.5, rows_of_scenario("unicycles").swarm.start(), []))
-    assert counted(judge, "sampling gap") == (4, 5, 0.5)
+    assert counted(judge, "sampling gap") == (4, 55, 0.5)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
+import phalanx
 from phalanx.curves.history import ReportHistory
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, broadcasts
 from phalanx.recording.read import Recording, read
@@ -50,6 +51,17 @@ def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recor
     for b in found:
         between = [t for t in steps[b.receiver] if b.sent < t < b.arrival]
         assert (b.fate == LATE) == (b.fate != LOST and len(between) > 0)
+
+
+def test_a_broadcast_is_sent_when_its_input_takes_effect() -> None:
+    changes = {"duration": 0.2, "time.latency": 0.005, "network.delay": 0.004}
+    recording = phalanx.run(phalanx.load("unicycles", changes), engine="in-process").recording
+    made = {i: [s.t for s in recording.steps if s.agent == str(i + 1)] for i in range(5)}
+    found = list(broadcasts(recording))
+    assert {b.fate for b in found} == {IN_TIME, LATE}
+    for b in found:
+        assert any(t + 0.005 == b.sent for t in made[b.sender])
+        assert (b.fate == LATE) == any(b.sent < t < b.arrival for t in made[b.receiver])
 
 
 def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording) -> None:

@@ -71,6 +71,10 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace("duration = 24.0", "duration = inf"),
         ["duration: expected a finite number", "got inf"],
     ),
+    "an infinite number in a class's table": (
+        replace("gain = 5.0", "gain = inf"),
+        ["agents.1.law: expected finite numbers", "'gain': inf"],
+    ),
     "true for a number": (
         replace("duration = 24.0", "duration = true"),
         ["duration: expected a valid number", "got True"],

@@ -10,7 +10,7 @@ MISTAKES = {
     "too few coordinates": ([1.0], "0.position: expected at least 2 items"),
     "a point of another space": ([1.0, 2.0, 3.0], "0: expected 2 coordinates, as the agents'"),
     "a word": (["x", 1.0], "0.position.0: expected a valid number"),
-    "no number": ([float("nan"), 1.0], "0.position.0: expected less than"),
+    "no number": ([float("nan"), 1.0], "0: expected finite numbers"),
     "no type": ({"points": POINTS}, "0: expected a field type, one of point, waypoints, path"),
     "an unknown type": ({"type": "curve"}, "0: expected one of point, waypoints, path, follow"),
     "a path of one point": (
