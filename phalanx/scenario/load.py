@@ -100,10 +100,14 @@ def described(error: ValidationError, source: str) -> str:
     return "\n".join(f"{source}: {p}" for p in problems)
 
 
-def validate(table: Mapping[str, Any], source: str) -> Scenario:
-    """Build a scenario from its table. Raises ScenarioError that lists every problem found."""
+def validate(table: Mapping[str, Any], source: str, *, drawn: bool = True) -> Scenario:
+    """Build a scenario from its table. Raises ScenarioError that lists every problem found.
+
+    drawn: with the starts and obstacles that its seed draws.
+    """
     try:
-        return Scenario.model_validate(table).resolved()
+        found = Scenario.model_validate(table)
+        return found.resolved() if drawn else found
     except ValidationError as error:
         raise ScenarioError(described(error, source)) from error
     except UntrustedCodeError as error:

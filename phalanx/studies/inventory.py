@@ -61,15 +61,18 @@ class Inventory:
 
 
 def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str]:
-    """Return a run's identity, its users' sources by path, and why it cannot begin, if so."""
+    """Return a run's identity, its users' sources by path, and why none of its point can begin."""
     try:
-        scenario = plan.load(case)
+        # What the seed draws is no part of it: keys of a point's runs differ by their seeds alone,
+        # and a seed without room is no reason to refuse the others.
+        scenario = plan.undrawn(case.point)
     except ScenarioError as error:
         return Identity("", case.seed, "", versions()), {}, str(error)
     sources = imported_sources(scenario.model_dump(mode="json"))
-    # What the seed draws is no part of it: keys of a point's runs differ by their seeds alone.
-    scenario_digest = digest_of_scenario(plan.undrawn(case.point))
-    return Identity(scenario_digest, case.seed, digest_of_modules(sources), versions()), sources, ""
+    identity = Identity(
+        digest_of_scenario(scenario), case.seed, digest_of_modules(sources), versions()
+    )
+    return identity, sources, ""
 
 
 def missing_by_reason(plan: Plan, store: Store) -> Counter[str]:

@@ -16,6 +16,7 @@ from phalanx.scenario.load import (
     read_table,
     reading_of,
     set_field,
+    validate,
     value_from,
 )
 from phalanx.scenario.load import load as load_scenario
@@ -166,12 +167,15 @@ class Plan(Strict):
     def undrawn(self, point: Point) -> Scenario:
         """Return a point's scenario before a seed draws starts and obstacles.
 
-        Raises ValidationError.
+        Raises ScenarioError.
         """
+        return self._undrawn(point.overrides)
+
+    def _undrawn(self, overrides: Mapping[str, Any]) -> Scenario:
         table = read_table(self.table)
-        for path, value in point.overrides.items():
+        for path, value in overrides.items():
             set_field(table, path, value)
-        return Scenario.model_validate(table)
+        return validate(table, "scenario", drawn=False)
 
     def command(self, case: Case) -> str:
         """Return the command that runs a case alone, whether or not its scenario is valid."""
@@ -182,7 +186,10 @@ class Plan(Strict):
         return reading_of(source, case.point.overrides)
 
     def require_axes(self) -> None:
-        """Raise ScenarioError if the scenario is invalid, with every value of an axis if any."""
+        """Raise ScenarioError if the scenario is invalid, with every value of an axis if any.
+
+        Seeds without room for what they draw are refused one by one, as rows.
+        """
         first = self.point(0).overrides
         if not self.axes and (error := self._error(first)):
             raise error
@@ -194,7 +201,7 @@ class Plan(Strict):
 
     def _error(self, overrides: Mapping[str, Any]) -> ScenarioError | None:
         try:
-            load_scenario(self.table, overrides, self.seeds[0])
+            self._undrawn(overrides)
         except ScenarioError as error:
             return error
         return None

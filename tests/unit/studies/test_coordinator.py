@@ -129,3 +129,13 @@ def test_a_point_whose_rate_is_known_needs_no_more_seeds(tmp_path):
     executor = Here()
     run(tmp_path, executor, {**PLAN, "seeds": "0:60", "until_width": 0.2}, chunk=1, in_flight=1)
     assert 20 < len(executor.jobs) < 60
+
+
+@pytest.mark.slow
+def test_a_seed_without_room_for_its_starts_is_refused_alone(tmp_path):
+    crowded = {"flows.apart": 6.8, "duration": 0.02}
+    plan = {"scenario": "swarm2d", "seeds": [1, 0], "overrides": crowded}
+    plan_from(plan).require_axes()
+    frame = run(tmp_path, Here(), plan)
+    refused = {row["seed"]: row["outcome"] == "refused" for row in frame.iter_rows(named=True)}
+    assert refused == {1: True, 0: False}
