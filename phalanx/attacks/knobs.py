@@ -157,9 +157,9 @@ def _script(place: str, group: AgentGroup, pieces: int, duration: float) -> Knob
     def admissible(numbers: Sequence[float]) -> list[float]:
         step = low + np.array(numbers) * (high - low) - center
         beyond = float(((known.A @ step) / (known.b - known.A @ center)).max())
-        u = center + step / max(1.0, beyond)
-        # Towards zero, so that a rounded input is in U as well.
-        return [float(f"{each - np.sign(each) * 5e-4 * abs(each):.3g}") for each in u.tolist()]
+        u: list[float] = (center + step / max(1.0, beyond)).tolist()
+        short = [float(f"{each:.3g}") for each in u]
+        return short if known.takes(short) else u  # at a face of U it may be rounded outwards
 
     def fields(numbers: Sequence[float], _: Sequence[int]) -> Fields:
         inputs = [admissible(numbers[k * size : (k + 1) * size]) for k in range(pieces)]

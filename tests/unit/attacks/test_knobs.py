@@ -36,6 +36,17 @@ def test_every_point_is_a_valid_scenario_within_its_bounds(data):
     assert by_name["1"].names == ("1", "2", "3")
 
 
+@pytest.mark.parametrize("speed", [1.0, 1.256, 2.007])
+@pytest.mark.parametrize("number", [0.0, 0.3, 1.0])
+def test_a_scripted_input_at_a_face_of_u_is_in_u(speed, number):
+    table = guaranteed(scripts={"5": 1})
+    for group in table["agents"]:
+        group["dynamics"] = {**group["dynamics"], "speed": speed}
+    space = space_of(table)
+    found = load(space.table, space.overrides(Point((number,) * space.numbers, ())))
+    assert found.agents[-1].law["inputs"]
+
+
 def test_agents_that_get_a_group_of_their_own_keep_slot_and_run():
     table = read_table("guaranteed")
     whole, apart = load(table), load(separated(table, load(table), {"5"}))
