@@ -103,9 +103,17 @@ def attack(
             search.run(options.optimiser, options.budget, options.seed, options.batch)
             if options.baseline and options.optimiser != BASELINE:
                 search.run(BASELINE, options.budget, options.seed, options.batch)
-        finally:
-            finds = list(write_finds(folder, space.table, search.archive.best_first))
-            page = write_attack_page(search, finds, folder / PAGE)
+        except BaseException:
+            # Until all rows of last time have come up again, its files show more.
+            if not search.unseen:
+                _written(search, folder)
+            raise
+        return _written(search, folder)
+
+
+def _written(search: Search, folder: Path) -> Attacked:
+    finds = list(write_finds(folder, search.space.table, search.archive.best_first))
+    page = write_attack_page(search, finds, folder / PAGE)
     return Attacked(search.histories, finds, page)
 
 

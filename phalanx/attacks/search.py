@@ -107,9 +107,13 @@ class Search:
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
         self._targets = _targets(self.swarm)
         self._turns = self._budget = 0
+        self.unseen = set[_Key]()
+        """Of the store's searched rows, those that no optimiser asked for yet."""
         self._known: dict[_Key, Row] = {}
         for columns in store.frame().iter_rows(named=True):
             row = row_from(columns)
+            if row.searched:
+                self.unseen.add((columns["overrides"], row.identity.seed))
             if row.identity[2:] == self._identity[2:] and row.outcome != BROKEN:
                 self._known[columns["overrides"], row.identity.seed] = row
 
@@ -171,6 +175,7 @@ class Search:
             if key not in self._known
         }
         self._compute(missing)
+        self.unseen.difference_update(keys)
         return [self._known[key] for key in keys]
 
     def _trial(self, overrides: Fields, seed: int, searched: bool) -> Trial:

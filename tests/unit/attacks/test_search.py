@@ -1,5 +1,6 @@
 """Searches: found attacks repeat bit for bit, and a search is the same however it was made."""
 
+import sys
 import tomllib
 from concurrent.futures import Executor, Future
 
@@ -93,6 +94,23 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
     again = searched(scenario, tmp_path / "cut", rest, **options)
     assert archive(again) == archive(whole)
     assert complete.done - 8 <= rest.done < complete.done
+
+
+@pytest.mark.slow
+def test_a_search_that_ends_before_it_is_where_it_was_keeps_its_files(
+    scenario, tmp_path, monkeypatch
+):
+    options = {"budget": 3, "batch": 5, "fresh": 0}
+    whole = searched(scenario, tmp_path, **options)
+    before = {path: path.read_text() for path in (whole.page, *(each[2] for each in whole.finds))}
+    assert len(before) > 1
+    monkeypatch.setitem(sys.modules, "cmaes", None)  # the extra is not installed any more
+    with pytest.raises(ImportError):
+        searched(scenario, tmp_path, **options)
+    monkeypatch.undo()
+    with pytest.raises(KeyboardInterrupt):  # behind the optimiser's rows, before random search
+        searched(scenario, tmp_path, Direct(most=0), **{**options, "budget": 12})
+    assert {path: path.read_text() for path in before if path.exists()} == before
 
 
 @pytest.mark.nightly
