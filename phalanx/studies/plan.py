@@ -24,6 +24,8 @@ from phalanx.scenario.model import Reading, Scenario, Seed
 from phalanx.schema.fields import Distribution, Strict, Values, field_error
 from phalanx.seeded.draws import Draws
 
+_STRING_OR_CHARACTER = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|.""", re.DOTALL)
+
 
 class Point(NamedTuple):
     """The fields in which the runs of one point of the grid differ from the scenario."""
@@ -238,7 +240,14 @@ def seeds_from(text: str) -> tuple[int, ...]:
 
 def values_from(text: str) -> list[Any]:
     """Read the values of an axis, as "0,.1,.3" or "paper,split" or "[1,2],[3,4]"."""
-    return [value_from(part.strip()) for part in re.split(r",(?![^\[{(]*[\]})])", text)]
+    parts, depth = [""], 0
+    for token in _STRING_OR_CHARACTER.findall(text):
+        depth += (token in "[{(") - (token in ")}]")
+        if token == "," and depth <= 0:
+            parts.append("")
+        else:
+            parts[-1] += token
+    return [value_from(part.strip()) for part in parts]
 
 
 def distribution_from(text: str) -> dict[str, Any]:

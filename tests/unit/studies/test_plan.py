@@ -124,6 +124,20 @@ def test_values_are_read_as_toml_and_words_as_texts():
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("[[0,0],[1,1]],[[2,2],[3,3]]", [[[0, 0], [1, 1]], [[2, 2], [3, 3]]]),
+        ('{type="pursue", gains=[1,2]}', [{"type": "pursue", "gains": [1, 2]}]),
+        ("{a=1,b={c=2,d=3}},5", [{"a": 1, "b": {"c": 2, "d": 3}}, 5]),
+        (r""" "a,[", 'b,"', "\",", 7 """, ["a,[", 'b,"', '",', 7]),
+    ],
+)
+def test_values_end_at_commas_outside_brackets_and_quotes(text, values):
+    assert values_from(text) == values
+    assert distribution_from(f"choice({text})") == {"choice": values}
+
+
 def test_seeds_are_read_as_ranges_and_numbers():
     assert seeds_from("0:3, 7,10:12") == (0, 1, 2, 7, 10, 11)
 
