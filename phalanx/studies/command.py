@@ -51,7 +51,9 @@ def study(
     folder: Annotated[
         Path | None, typer.Argument(metavar="[FOLDER]", help="After `open`: of a study.")
     ] = None,
-    seeds: Annotated[str, typer.Option(help="As 0:200 for 0 to 199, or 1,2,5.")] = "0:10",
+    seeds: Annotated[
+        str | None, typer.Option(help="As 0:200 for 0 to 199, or 1,2,5; by default 0:10.")
+    ] = None,
     vary: Vary = None,
     draw: Draw = None,
     draws: Annotated[
@@ -134,19 +136,21 @@ def study(
 
 
 def _plan(
-    scenario: str, seeds: str, vary: Sequence[str] | None, draw: Sequence[str] | None,
+    scenario: str, seeds: str | None, vary: Sequence[str] | None, draw: Sequence[str] | None,
     draws: int | None, overrides: Sequence[str] | None, until_width: float | None,
 ) -> "Plan":  # fmt: skip
     from phalanx.scenario.load import field_and_value
     from phalanx.studies.plan import distribution_from, plan_from, read_plan, values_from
 
     if Path(scenario).name == "study.toml":
-        if vary or draw or draws or overrides or until_width:
-            raise typer.BadParameter(f"{scenario} has the whole plan: expected no other fields")
+        if seeds is not None or vary or draw or draws or overrides or until_width:
+            raise typer.BadParameter(
+                f"{scenario} has the whole plan: expected no seeds or fields, edit them there"
+            )
         return read_plan(Path(scenario))
     table: dict[str, Any] = {
         "scenario": scenario,
-        "seeds": seeds,
+        "seeds": "0:10" if seeds is None else seeds,
         "overrides": dict(map(field_and_value, overrides or ())),
         "vary": _fields("--vary", vary, values_from),
         "draw": _fields("--draw", draw, distribution_from),

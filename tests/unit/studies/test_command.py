@@ -14,6 +14,7 @@ from phalanx.cli.app import USAGE_ERROR, status
         (("unicycles", "--seeds", "many"), "study: seeds: expected seeds as 0:200 or 1,2,5"),
         (("unicycle",), "did you mean 'unicycles'?"),
         (("open",), "expected the folder of a study"),
+        (("study.toml", "--seeds", "0:1000"), "study.toml has the whole plan: expected no seeds"),
         (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
         (("open", "nowhere"), "study.toml: cannot be read"),
     ],
