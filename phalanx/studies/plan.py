@@ -100,7 +100,18 @@ class Plan(Strict):
                 owner[path] = part
         if "seed" in owner:
             raise field_error((owner["seed"], "seed"), "expected seeds in `seeds`", "seed")
+        self._require_written()
         return self
+
+    def _require_written(self) -> None:
+        """Raise ValidationError if a value is None, or has one inside: a file cannot say that."""
+        choices = {path: each.choice for path, each in self.draw.items() if each.choice}
+        parts = [("overrides", self.overrides), ("vary", self.vary), ("draw", choices)]
+        for part, fields in [*parts, *(("points", point) for point in self.points)]:
+            for path, value in fields.items():
+                if _has_none(value):
+                    message = "expected no None: leave the field out (some of `points` may)"
+                    raise field_error((part, path), message, value)
 
     @property
     def name(self) -> str:
@@ -269,6 +280,11 @@ def _overlap(path: str, other: str) -> bool:
     """Return whether two paths set the same field, or one a part of the other."""
     shorter, longer = sorted((path, other), key=len)
     return longer == shorter or longer.startswith(f"{shorter}.")
+
+
+def _has_none(value: Any) -> bool:
+    inside = list(value.values()) if isinstance(value, Mapping) else value
+    return value is None or (isinstance(inside, list | tuple) and any(map(_has_none, inside)))
 
 
 def as_text(value: Any) -> Any:

@@ -98,6 +98,10 @@ def test_half_of_a_log_uniform_lies_below_the_geometric_mean():
         ({"vary": {"network.loss": []}}, "vary.network.loss"),
         ({"colour": 1}, "colour: unknown field"),
         ({"until_width": 2.0}, "until_width"),
+        ({"vary": {"agents.0.sensing": [None, 5.0]}}, "vary.agents.0.sensing: expected no None"),
+        ({"overrides": {"agents.0.sensing": None}}, "overrides.agents.0.sensing: expected no None"),
+        ({"points": [{"agents.0.law": {"gain": None}}]}, "points.agents.0.law: expected no None"),
+        ({"draw": {"safety.eta": {"choice": [1.0, None]}}}, "draw.safety.eta: expected no None"),
     ],
 )
 def test_a_contradiction_is_refused_by_the_name_of_its_field(table, message):
