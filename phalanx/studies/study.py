@@ -86,7 +86,7 @@ def study(
         require_functions(progress=progress)
     if isinstance(scenario, Plan):
         plan = scenario
-    elif isinstance(scenario, str | Path) and Path(scenario).name.endswith("study.toml"):
+    elif isinstance(scenario, str | Path) and Path(scenario).name == PLAN:
         plan = read_plan(Path(scenario))
     else:
         table = {

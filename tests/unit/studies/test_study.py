@@ -2,11 +2,12 @@
 
 import pytest
 
+from phalanx.scenario.load import ScenarioError, read_table, scenario_text
 from phalanx.studies.identity import Identity
 from phalanx.studies.plan import Plan, plan_from
 from phalanx.studies.row import Row
 from phalanx.studies.store import Store
-from phalanx.studies.study import Study, open_study
+from phalanx.studies.study import Study, open_study, study
 
 
 def studied(folder, plan: Plan, outcomes: dict[int, str], **fields: object) -> Study:
@@ -75,3 +76,10 @@ def test_a_page_lists_points_whose_scenario_is_not_valid(tmp_path):
     plan = plan_from({"scenario": "unicycles", "vary": {"network.loss": [0.0, 1.5]}})
     page = studied(tmp_path, plan, {0: "safe", 1: "refused"}).page(tmp_path / "page.html")
     assert "phalanx run unicycles --seed 0 --set network.loss=1.5" in page.read_text("utf-8")
+
+
+def test_a_scenario_whose_file_ends_like_a_plans_is_a_scenario(tmp_path):
+    file = tmp_path / "case-study.toml"
+    file.write_text(scenario_text(read_table("unicycles")))
+    with pytest.raises(ScenarioError, match=r"network\.los: unknown field"):
+        study(file, overrides={"network.los": 0.0})
