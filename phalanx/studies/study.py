@@ -159,7 +159,10 @@ class Study:
 
     @cached_property
     def frame(self) -> pl.DataFrame:
-        """One row for each run that is there: index, point, seed, the axes, and its results."""
+        """One row for each run that is there: index, point, seed, the axes, and its results.
+
+        Where `faults` is an axis, those that had an effect are `faults_acted`.
+        """
         points = [self.plan.point(number) for number in range(self.plan.points_count)]
         table = pl.DataFrame(
             {
@@ -178,7 +181,9 @@ class Study:
         )
         rows = Store(self.folder).frame()
         latest = rows.unique(["overrides", "seed"], keep="last", maintain_order=True)
-        found = cases.join(table, on="point").join(latest, on=["overrides", "seed"])
+        found = cases.join(table, on="point").join(
+            latest, on=["overrides", "seed"], suffix="_acted"
+        )
         return self._until_narrow(found.sort("index")).drop("scenario", "modules", "versions")
 
     def _until_narrow(self, frame: pl.DataFrame) -> pl.DataFrame:

@@ -234,7 +234,7 @@ def _rows(
     ordered = frame.with_columns(rank_=rank).sort(
         "rank_", "worst_h", "index", descending=[False, True, False], nulls_last=True
     )
-    columns = [*axes, *_COLUMNS]
+    columns = list(dict.fromkeys([*axes, *_COLUMNS]))  # `faults` may be an axis
     rows = [
         (str(row["index"]), *(_cell(row[name]) for name in columns), command(row))
         for row in ordered.head(MOST_LISTED).drop("rank_").iter_rows(named=True)

@@ -1,5 +1,8 @@
 """The table of a study: the rows of its plan, and the rates that they give."""
 
+import json
+import re
+
 import pytest
 
 from phalanx.scenario.load import ScenarioError, read_table, scenario_text
@@ -83,3 +86,14 @@ def test_a_scenario_whose_file_ends_like_a_plans_is_a_scenario(tmp_path):
     file.write_text(scenario_text(read_table("unicycles")))
     with pytest.raises(ScenarioError, match=r"network\.los: unknown field"):
         study(file, overrides={"network.los": 0.0})
+
+
+def test_faults_that_vary_are_told_from_those_that_had_an_effect(tmp_path):
+    kill = [{"kind": "kill", "agents": ["1"], "at": 0.5}]
+    plan = plan_from({"scenario": "unicycles", "vary": {"faults": [[], kill]}})
+    found = studied(tmp_path, plan, {0: "safe", 1: "safe"}, faults="faults.0 (kill)")
+    assert found.frame["faults"].to_list() == [json.dumps([]), json.dumps(kill)]
+    assert found.frame["faults_acted"].to_list() == ["faults.0 (kill)"] * 2
+    page = found.page(tmp_path / "page.html").read_text("utf-8")
+    (head,) = re.findall(r">index<.*?</tr>", page, re.DOTALL)
+    assert head.count(">faults<") == 1
