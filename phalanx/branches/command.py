@@ -1,6 +1,7 @@
 """phalanx branch: from when on was a violation inevitable?"""
 
 from collections.abc import Sequence
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,8 +14,6 @@ from phalanx.launcher.streams import echo
 if TYPE_CHECKING:
     from phalanx.branches.inevitable import BranchesAt
     from phalanx.guarantee.verdict import Summary
-
-_MOST_TIMES = 1000
 
 
 def register(app: typer.Typer) -> None:
@@ -70,8 +69,10 @@ def branch(
 
     recorded = read(run, trust)
     warn_of_damage(recorded)
-    duration = min(until or recorded.scenario.duration, recorded.scenario.duration)
-    times = [*(at or ()), *_regular(every, landmarks(recorded.summary)[:1], duration)]
+    ends = [recorded.scenario.duration, *(each.t for each in landmarks(recorded.summary)[:1])]
+    if until is not None:
+        ends.append(until)
+    times = [*(at or ()), *multiples(every, min(ends))]
     if not times:
         raise typer.BadParameter("expected --at, or --every shorter than the run")
     with Progress(console=Console(stderr=True), transient=True) as bar:
@@ -96,13 +97,12 @@ def branch(
     return 0
 
 
-def _regular(every: float | None, first: Sequence[tuple[float, str]], end: float) -> list[float]:
-    """Return the multiples of a time up to the run's violation, or to its end [s]."""
+def multiples(every: float | None, end: float) -> list[float]:
+    """Return the multiples of a time that are before an end [s]."""
     if every is None:
         return []
-    last = min([end, *(t for t, _ in first)])
-    times = [round(n * every, 9) for n in range(1, _MOST_TIMES + 1)]
-    return [t for t in times if t < last]
+    times = (round(n * every, 9) for n in count(1))
+    return list(takewhile(lambda t: t < end, times))
 
 
 def _show(curve: "Sequence[BranchesAt]", summary: "Summary | None") -> None:

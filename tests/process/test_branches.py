@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import phalanx
+from phalanx.branches.command import multiples
 from phalanx.branches.inevitable import BranchesAt, branch_run, from_when
 from phalanx.cli.app import extended
 from phalanx.faults.commands import Command, CommandPolicy
@@ -120,9 +121,15 @@ def test_times_outside_the_run_are_refused(violated):
     for t in (0.0, 3.2):
         with pytest.raises(ValueError, match=r"expected times after 0 s and before the end, 3.2 s"):
             branch_run(violated.recording, [t], 1)
-    shown = CliRunner().invoke(extended(), ["branch", str(violated.folder)])
-    assert shown.exit_code == 2
-    assert "expected --at, or --every shorter than the run" in shown.output
+    for words in ([], ["--every", "0.1", "--until", "0"]):
+        shown = CliRunner().invoke(extended(), ["branch", str(violated.folder), *words])
+        assert shown.exit_code == 2
+        assert "expected --at, or --every shorter than the run" in shown.output
+
+
+def test_branches_leave_a_long_run_up_to_its_end():
+    times = multiples(0.01, 20.0)
+    assert (len(times), times[0], times[-1]) == (1999, 0.01, 19.99)
 
 
 def test_a_run_that_does_not_repeat_itself_has_no_branches(violated):
