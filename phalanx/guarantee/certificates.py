@@ -18,11 +18,16 @@ from phalanx.guarantee.certificate import (
     pair_certificate,
 )
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import spread
+
+QUIET = 2.0
+"""Longest horizons for which pairs far apart are not looked at again."""
+_MOST_CHOSEN = 16
+"""Sets of an agent's pairs that are kept, grouped by kind."""
 
 
 class Held(NamedTuple):
@@ -43,8 +48,8 @@ class _Kind(NamedTuple):
 
     certificate: PairCertificate
     highest: MappedFunction
-    """(x and the obstacle's numbers) -> upper bound of h within the longest horizon for all inputs
-    of all agents. It is cheap."""
+    """(x and the obstacle's numbers) -> upper bounds of h within the longest horizon, and within
+    QUIET of them, for all inputs of all agents. It is cheap."""
     least: MappedFunction
     """(x and the obstacle's numbers) -> lower bound of h now. It is cheaper still."""
     sizes: list[int]
@@ -128,11 +133,12 @@ class SwarmCertificates:
         bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
 
         def compiled() -> _Kind:
-            highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
+            longest = MULTIPLES[0] * tau
+            highest = [highest_within(alone, bounds, t) for t in (longest, QUIET * longest)]
             made = pair_certificate(alone, own, alphas, bounds, tau)
             above, below = (
-                MappedFunction([alone.x, alone.parameters], [bound])
-                for bound in (highest, least_now(alone))
+                MappedFunction([alone.x, alone.parameters], results)
+                for results in (highest, [least_now(alone)])
             )
             return _Kind(made, above, below, alone.sizes)
 
@@ -194,6 +200,8 @@ class AgentCertificates:
         self.provable: Mask = np.zeros(len(mine), dtype=bool)
         """Pairs that some input can certify, shape (p,)."""
         self._groups: list[_Group] = []
+        self._chosen: dict[bytes, list[tuple[_Group, MappedRows]]] = {}
+        """Pairs that `near` was asked for lately, by kind: mostly the same few sets."""
         width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Positions of each pair's variables, shape (p, n), padded with zeros."""
@@ -218,20 +226,32 @@ class AgentCertificates:
             if certificate.proven is None
         }
 
-    def near(self, x: Array, pairs: Mask) -> Near:
+    def near(self, x: Array, pairs: Mask) -> Near | None:
         """Return which of these pairs may become unsafe within the longest horizon.
 
-        It holds for all inputs of all agents. pairs: shape (p,).
+        None if none of them may within QUIET such horizons. Both hold for all inputs of all agents.
+        pairs: shape (p,).
         """
-        numbers, found = self._swarm.pairs.numbers(x), Near(*np.zeros((2, len(pairs)), dtype=bool))
-        for kind, which, places in self._groups:
-            some = pairs[which].nonzero()[0]
-            if len(some):
-                meet = some[~(kind.highest(numbers, places[some])[:, 0] <= 0.0)]
-                if len(meet):
-                    found.pairs[which[meet]] = True
-                    found.unsafe[which[meet]] = kind.least(numbers, places[meet])[:, 0] > 0.0
+        if (key := pairs.tobytes()) not in self._chosen:
+            if len(self._chosen) == _MOST_CHOSEN:
+                self._chosen.clear()
+            self._chosen[key] = self._choose(pairs)
+        numbers, found = self._swarm.pairs.numbers(x), None
+        for (kind, which, places), highest in self._chosen[key]:
+            highest(numbers)
+            if highest.results.max() <= 0.0:
+                continue
+            found = found or Near(*np.zeros((2, len(pairs)), dtype=bool))
+            meet = ~(highest.results[:, 0] <= 0.0)
+            if meet.any():
+                found.pairs[which[meet]] = True
+                found.unsafe[which[meet]] = kind.least(numbers, places[meet])[:, 0] > 0.0
         return found
+
+    def _choose(self, pairs: Mask) -> list[tuple[_Group, MappedRows]]:
+        some = [(group, pairs[group.which]) for group in self._groups]
+        each = [_Group(g.kind, g.which[own], g.places[own]) for g, own in some if own.any()]
+        return [(group, group.kind.highest.at(group.places)) for group in each]
 
     def times(self, x: Array, inputs: Array, near: Near) -> Array:
         """Return for each input the times for which pairs are proven safe [s], shape (k, p).

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from phalanx.arrays import Array, Mask
-from phalanx.guarantee.certificates import Near, SwarmCertificates
+from phalanx.guarantee.certificates import QUIET, Near, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import decide_pairs
@@ -37,7 +37,7 @@ class OwnProofs:
         swarm = rows.swarm
         self._certificates, self._needed = swarm.once(SwarmCertificates), longest
         self.own = own = self._certificates.of(i)
-        self.others = own.others
+        self.others, self._others = own.others, own.others.tolist()
         self.agents = len(swarm.members)
         self._seen: tuple[int, ...] = ()
         self._in_sight = np.zeros(len(own.pairs), dtype=bool)
@@ -63,15 +63,18 @@ class OwnProofs:
         Most are too far apart for several samples, for all inputs, and are not looked at meanwhile.
         """
         if now.seen != self._seen:
-            self._seen = now.seen
-            known = np.isin(self.others, now.seen) | (self.others >= self.agents)
+            self._seen, around = now.seen, {*now.seen}
+            # For few numbers np.isin takes ten times as long.
+            each = [l in around or l >= self.agents for l in self._others]
+            known = np.array(each, dtype=bool)
             self._in_sight = known & self.own.provable
             self.unprovable_in_sight = bool((known & ~self.own.provable).any())
         elif self._all_quiet_until >= now.t + self._needed:
             return None
         due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
-        near = self.own.near(now.x, due) if due.any() else None
-        if near is not None:
+        if (near := self.own.near(now.x, due)) is None:
+            self._quiet_until[due] = now.t + QUIET * self.own.longest
+        else:
             self._quiet_until[due & ~near.pairs] = now.t + self.own.longest
         self._all_quiet_until = float(self._quiet_until[self._in_sight].min(initial=np.inf))
         return near if near is not None and near.pairs.any() else None

@@ -75,7 +75,7 @@ def test_quiet_pairs_are_looked_at_again_while_their_proof_lasts_as_long_as_an_i
     close[other.start] = close[own.start] + 1.2
     close[other.start + 1] = close[own.start + 1]
     seen = tuple(range(5))
-    for later, looked in ((6.9, False), (7.1, True)):
+    for later, looked in ((14.9, False), (15.1, True)):
         proofs = ProvenFilter(rows, 0, rows.filter(0)).proofs
         assert proofs.near(FilterInput(0.0, far, seen, None, np.zeros(2), {})) is None
         found = proofs.near(FilterInput(later * tau, close, seen, None, np.zeros(2), {}))
