@@ -3,8 +3,10 @@
 import gc
 import multiprocessing
 import pickle
+import socket
 import subprocess
 import sys
+import urllib.request
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import polars as pl
 import pytest
 
 import phalanx
-from tests.process.runs import free_port
+from tests.process.runs import free_port, wait_for
 
 SHORT = {"duration": 1.0, "network.loss": 0.3, "network.delay": 0.004}
 
@@ -156,8 +158,6 @@ def test_the_fast_engine_refuses_what_only_processes_can_do():
 
 @pytest.mark.swarm
 def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
-    import urllib.request
-
     # A port of its own: another process may take the next free one meanwhile.
     with run.view(free_port()) as page:
         assert urllib.request.urlopen(page.url, timeout=60).status == 200
@@ -165,6 +165,36 @@ def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
         assert f"phalanx view {run.folder}" in page._repr_html_()  # where a frame stays blank
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(page.url, timeout=5)
+
+
+VIEWS = """
+import os, signal, sys, phalanx
+print(phalanx.open(sys.argv[1]).view(int(sys.argv[2])).url, flush=True)
+"""
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("end", ["", "os.kill(os.getpid(), signal.SIGKILL)"])
+def test_a_replay_ends_with_the_program_that_serves_it(run: phalanx.Run, end: str):
+    def refused() -> bool:
+        try:
+            urllib.request.urlopen(url, timeout=5).close()
+        except OSError:
+            return True
+        return False
+
+    command = [sys.executable, "-c", VIEWS + end, str(run.folder), str(free_port())]
+    url = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False).stdout.strip()
+    assert url.startswith("http://")
+    wait_for(refused, 30.0)
+
+
+@pytest.mark.swarm
+def test_a_page_that_cannot_be_served_says_why(run: phalanx.Run):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(RuntimeError, match=f"cannot listen on 127.0.0.1:{port}"):
+            run.view(port)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import logging
 import secrets
+from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.wire.membership import Membership
@@ -14,6 +15,10 @@ from phalanx_viewer.scene.server import choose_port
 log = logging.getLogger("phalanx.viewer")
 
 
+def _print(url: str) -> None:
+    print(f"viewer: {url}", flush=True)
+
+
 def run(
     membership: Membership | None,
     recording: Path | None,
@@ -24,6 +29,7 @@ def run(
     port: int | None = None,
     origins: tuple[str, ...] = (),
     trust: bool = False,
+    announce: Callable[[str], None] = _print,
 ) -> int:
     """Show a live run, a recording, or one and then the other; return exit status 0.
 
@@ -36,6 +42,7 @@ def run(
         port: of the page; None takes 8080 or the next free one.
         origins: further origins whose pages may connect; needed behind a proxy only.
         trust: whether code that the run's scenario names may be imported.
+        announce: called with the page's address once it is served.
 
     Raises HubError, NoRunError, UnreadableRecordingError, ValueError, and PortTakenError if the
     page cannot be served there.
@@ -48,12 +55,12 @@ def run(
                 log.warning("the plant obeys no commands: it was started without a command secret")
             token = token or secrets.token_urlsafe(16)
             page = Page(host, port, origins, live, token)
-            _announce(page, f"/?token={token}" if live.commandable else "")
+            announce(_address(page) + (f"/?token={token}" if live.commandable else ""))
             keep_up(page.tick, lambda: stop_requested() or (recording is not None and live.over))
     if page is None:
         assert recording is not None
         page = Page(host, port, origins, _load(recording, trust))
-        _announce(page)
+        announce(_address(page))
     elif recording is not None and not stop_requested():
         try:
             page.replay(_load(recording, trust))
@@ -73,7 +80,7 @@ def _load(recording: Path, trust: bool) -> Replay:
     return replay
 
 
-def _announce(page: Page, token: str = "") -> None:
+def _address(page: Page) -> str:
     where = f"http://{page.server.get_host()}:{page.server.get_port()}"
-    print(f"viewer: {where}{token}", flush=True)
     log.info("showing the run at %s", where)  # without the token: others read logs too
+    return where

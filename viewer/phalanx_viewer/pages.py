@@ -4,22 +4,23 @@ import multiprocessing
 import os
 import shlex
 import signal
-import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from html import escape
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from phalanx.compat.forkserver import without_main
+from phalanx.launcher.libraries import start_loading
 from phalanx.launcher.live import find_live
 from phalanx.launcher.programs import configure_logging, end_with_launcher, redirect_output, show_as
 from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
 
-_ANNOUNCED = "viewer: "
 _LOG = "viewer.log"
 _STARTS = 4
 """Most starts of one page."""
@@ -38,25 +39,22 @@ class ViewerPage(AbstractContextManager["ViewerPage"]):
         Raises RuntimeError if the page cannot be served.
         """
         self._recording = recording
-        # The caller holds a Run, so it has already trusted the code that its scenario names.
-        command = [sys.executable, "-m", "phalanx", "view", str(recording), "--trust"]
-        if port is not None:
-            command += ["--port", str(port)]
-        self._server = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert self._server.stdout
-        # The command's first line is the page's address; without one it has failed.
-        announced = self._server.stdout.readline()
-        if not announced.startswith(_ANNOUNCED):
-            raise RuntimeError(self._server.communicate()[1].strip() or "the page is not served")
-        self.url = announced.removeprefix(_ANNOUNCED).strip()
+        opened, announce = multiprocessing.Pipe(duplex=False)
+        self._server = _start_daemon(_replay, recording, port, announce)
+        announce.close()  # or a server that dies would leave recv() waiting
+        try:
+            url, problem = opened.recv()
+        except EOFError:
+            url, problem = "", "the page is not served"
+        if problem:
+            raise RuntimeError(problem)
+        self.url: str = url
         """The page's address."""
 
     def close(self) -> None:
         """End the server."""
         self._server.terminate()
-        self._server.communicate()
+        self._server.join()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -96,7 +94,7 @@ class LivePage(AbstractContextManager["LivePage"]):
 
     def serve(self, folder: Path) -> None:
         """Show the run of a folder. The page's log is among the run's logs."""
-        self._process = self._start(folder)
+        self._process = _start_daemon(_serve, folder, *self._options)
         self._watch = threading.Thread(target=self._restart_when_dead, args=(folder,), daemon=True)
         self._watch.start()
 
@@ -132,17 +130,17 @@ class LivePage(AbstractContextManager["LivePage"]):
             died = f"the page died ({_cause_of_death(self._process, folder)}): {after}"
             print(printable(died), file=sys.stderr)
             if left:
-                self._process = self._start(folder)
+                self._process = _start_daemon(_serve, folder, *self._options)
                 if self._closed.is_set():  # while it was started: close() did not see this process
                     self._process.terminate()
 
-    def _start(self, folder: Path) -> BaseProcess:
-        context = multiprocessing.get_context("forkserver")
-        # A daemon: it ends with this process, however that ends.
-        process = context.Process(target=_serve, args=(folder, *self._options), daemon=True)
-        with without_main():
-            process.start()
-        return process
+
+def _start_daemon(target: Callable[..., None], *arguments: object) -> BaseProcess:
+    """Start a process that ends with this one, however that ends."""
+    process = start_loading().Process(target=target, args=arguments, daemon=True)
+    with without_main():
+        process.start()
+    return process
 
 
 def _cause_of_death(process: BaseProcess, folder: Path) -> str:
@@ -154,12 +152,28 @@ def _cause_of_death(process: BaseProcess, folder: Path) -> str:
     return next(filter(None, map(str.strip, reversed(lines))), f"exit status {process.exitcode}")
 
 
-def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
+def _begin() -> None:
     os.setsid()  # Ctrl-C in the terminal ends the run, whose page still shows the outcome
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked in all programs
     show_as("phx-viewer")
-    redirect_output(folder / "logs" / _LOG)
     end_with_launcher(_GRACE)
+
+
+def _replay(recording: Path, port: int | None, opened: Connection) -> None:
+    """Serve a recording; send the page's address, and why there is none: one of them is empty."""
+    _begin()
+    from phalanx_viewer.main import run
+
+    try:
+        # The caller holds a Run, so it has already trusted the code that its scenario names.
+        run(None, recording, port=port, trust=True, announce=lambda url: opened.send((url, "")))
+    except (RuntimeError, ValueError, OSError) as error:
+        opened.send(("", str(error)))
+
+
+def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
+    _begin()
+    redirect_output(folder / "logs" / _LOG)
     configure_logging()
     from phalanx_viewer.main import run
 
