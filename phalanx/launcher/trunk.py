@@ -48,11 +48,19 @@ class Trunk:
         """True stacked state, shape (n̄,)."""
         return self._clock.world.x
 
+    @property
+    def worst_h(self) -> float:
+        """Largest h of a pair so far, at an instant or between two."""
+        return self._plant.judge.extremes.largest_h
+
     def advance(self, t: float) -> None:
-        """Go on through all instants before t [s]. Raises one of ENDINGS if the run breaks."""
+        """Go on through all instants before t [s], and judge them. Raises one of ENDINGS if the run
+        breaks.
+        """
         with endless_loops(self._scenario.time.timeout):
             while self._clock.next_instant < min(t, self._scenario.duration):
                 next(self._instants)
+            self._clock.catch_up()
 
     def reseeded(self, t: float, seed: int) -> Summary:
         """Go to the end with another seed from t [s] on; t is after the last instant.

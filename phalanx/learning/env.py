@@ -115,19 +115,23 @@ class SwarmEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         trunk, end = self._trunk, self._steps * self._every
         trunk.advance(end)
         over = end >= self._scenario.duration
+        if over:
+            self.summary = trunk.finish()
         h = self._largest_h(trunk.x)
-        if over or h > 0.0:
-            self.summary = trunk.finish() if over else trunk.stop()
-            h = max([h, *(violation.worst for violation in self.summary.violations)])
-        rise, self._peak = max(h - self._peak, 0.0), max(h, self._peak)
+        # A pair may have been unsafe since the last step, and be safe again.
+        peak = max(self._peak, h, trunk.worst_h)
+        rise, self._peak = peak - self._peak, peak
+        if broken := peak > 0.0:
+            h = peak
+            self.summary = self.summary if over else trunk.stop()
         observed, infos = self._observed(trunk), self._infos(trunk, h)
-        if ended := over or h > 0.0:
+        if ended := over or broken:
             for info in infos.values():
                 info["verdict"] = str(self.summary.outcome) if self.summary else ""
         adversary = {n: self._swarm.members[self._acting[n]].adversary for n in self.agents}
         rewards = {name: rise if attacks else -rise for name, attacks in adversary.items()}
-        unsafe = dict.fromkeys(self.agents, h > 0.0)
-        truncated = dict.fromkeys(self.agents, over and not h > 0.0)
+        unsafe = dict.fromkeys(self.agents, broken)
+        truncated = dict.fromkeys(self.agents, over and not broken)
         if ended:
             self.agents = []
         return observed, rewards, unsafe, truncated, infos
@@ -193,7 +197,7 @@ class ActedSwarm(Swarm):
     """A swarm whose acting agents have no law of the scenario's.
 
     An adversary's action is projected onto U_i. A normal agent's is its nominal input: its filter
-    or controller makes it safe, or none does if the scenario says `controller = "none"`.
+    or controller makes it safe, or none does with `controller = { type = "none" }`.
     """
 
     actions: Mapping[int, Array] = field(default_factory=dict)

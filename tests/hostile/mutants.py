@@ -184,7 +184,7 @@ MUTANTS = (
            "            return False", _TEST_LOOKAHEAD),
     Mutant("where an awaited agent is", _LOOKAHEAD, "if j in self._unknown:", "if False:",
            _TEST_LOOKAHEAD),
-    Mutant("the worst pair", _EXTREMES, "> self._largest_h:", "> np.inf:", _TEST_EXTREMES),
+    Mutant("the worst pair", _EXTREMES, "> self.largest_h:", "> np.inf:", _TEST_EXTREMES),
     Mutant("pairs set apart", _EXTREMES, "((self._counted, ~apart),",
            "((self._counted, apart | True),", _TEST_EXTREMES),
     Mutant("one of several in sight", _SENSING, "self._reach[i]).any()", "self._reach[i]).all()",

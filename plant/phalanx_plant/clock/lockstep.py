@@ -130,8 +130,13 @@ class Lockstep:
                 if self._instants:  # after an error: its events count as far as they are known
                     self._events.add(self._instants[0].events)
 
+    def catch_up(self) -> None:
+        """Apply the inputs that have arrived, and judge all events. Raises as Clock.run does."""
+        self._apply_arrived()
+        self._events.judge_all()
+
     def _event_at(self, t: float) -> None:
-        commands = self._commands.wait_until(t, self._now, self._catch_up)
+        commands = self._commands.wait_until(t, self._now, self.catch_up)
         if commands or self._synchronization.sequential:
             self._complete_all()
         self._now = t
@@ -182,11 +187,6 @@ class Lockstep:
         """Apply the inputs that have arrived, and judge events in full batches."""
         self._apply_arrived()
         self._events.judge_batches()
-
-    def _catch_up(self) -> None:
-        """Apply the inputs that have arrived, and judge all events."""
-        self._apply_arrived()
-        self._events.judge_all()
 
     def _apply_arrived(self) -> None:
         while self._instants and self._complete(self._instants[0], wait=False):

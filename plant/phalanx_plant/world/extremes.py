@@ -51,7 +51,9 @@ class PairExtremes:
     def __init__(self, composed: ComposedSet) -> None:
         self._composed, count = composed, len(composed.pairs)
         self._t = 0.0
-        self._largest_h, self._worst_pair = -np.inf, 0
+        self._worst_pair = 0
+        self.largest_h = -np.inf
+        """Largest h of a pair so far."""
         self._counted, self._apart = _Violations(count), _Violations(count)
         self._is_apart = np.zeros(count, dtype=bool)
         self.worst_h_tot = -np.inf
@@ -85,8 +87,8 @@ class PairExtremes:
         """Add integration steps."""
         numbers, times, pairs, h, h_tot, *_ = steps
         at = int(h.argmax())
-        if (highest := float(h.flat[at])) > self._largest_h:
-            self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
+        if (highest := float(h.flat[at])) > self.largest_h:
+            self.largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
         self.largest = int(pairs[h[-1].argmax()])
         highest_at = int(h_tot.argmax())
         peak = float(h_tot[highest_at])

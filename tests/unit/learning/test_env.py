@@ -98,6 +98,20 @@ def test_rewards_sum_to_the_rise_of_the_largest_h_and_an_unsafe_pair_ends_the_ep
 
 
 @pytest.mark.slow
+def test_a_pair_that_was_unsafe_between_two_steps_ends_the_episode():
+    env = phalanx.parallel_env(phalanx.load("unicycles", CLOSE), acting=["1", "2"], every=0.8)
+    _, infos = env.reset(seed=1)
+    begun = infos["1"]["h"]
+    seen, rewards, ended, _, infos = env.step(dict.fromkeys("12", AHEAD))
+    x = seen["1"][:15].reshape(5, 3)
+    assert x[0, 0] > x[1, 0] + 1.0, "each has driven through the other"
+    violations = {v.pair: v.worst for v in env.summary.violations}
+    assert violations == {"1-2": infos["1"]["h"]}
+    assert ended == {"1": True, "2": True}
+    assert rewards["1"] == begun - infos["1"]["h"]
+
+
+@pytest.mark.slow
 def test_mistakes_are_named():
     scenario = phalanx.load("unicycles", SHORT)
     with pytest.raises(ValueError, match=r"acting: expected attackers, defenders, both, got 'all'"):
