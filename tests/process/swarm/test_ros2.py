@@ -2,11 +2,13 @@
 
 import contextlib
 import json
+import socket
 import struct
 import subprocess
 import sys
+import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -66,11 +68,20 @@ class Listener:
 
 
 @contextlib.contextmanager
-def ros2_router(domain: int) -> Iterator[tuple[str, Listener]]:
-    """A router as rmw_zenohd is one, and a client of it that listens."""
-    with reserved_endpoint() as endpoint, open_hub(endpoint):
+def ros2_router(
+    domain: int, before: Callable[[str], None] = lambda endpoint: None
+) -> Iterator[tuple[str, Listener]]:
+    """A router as rmw_zenohd is one, and a client of it that listens.
+
+    before: called with its endpoint before it is there.
+    """
+    with reserved_endpoint() as endpoint:
+        before(endpoint)
         config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
-        with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+        with (
+            open_hub(endpoint),
+            zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session,
+        ):
             yield endpoint, Listener(session, domain)
 
 
@@ -176,6 +187,25 @@ def test_a_recording_is_published_once_in_real_time_and_its_verdict_at_its_end(h
     statuses = [message.status[0].message for message in listener.diagnostics()]
     assert ": " in statuses[-1]
     assert set(statuses[:-1]) == {"no pair left the safe set so far"}
+
+
+def test_a_recording_begins_when_the_router_is_there(heard):
+    folder, _ = heard
+    programs = []
+
+    def knock(endpoint: str) -> None:
+        """Let a program try for a second to reach the router."""
+        programs.append(ros2(folder, "--router", endpoint, "--domain", "4"))
+        with socket.create_server(("127.0.0.1", int(endpoint.rpartition(":")[2]))) as deaf:
+            deaf.settimeout(60.0)
+            end = np.inf
+            while time.monotonic() < end:
+                deaf.accept()[0].close()
+                end = min(end, time.monotonic() + 1.0)
+
+    with ros2_router(4, knock) as (_, listener):
+        finish(programs[0])
+    assert listener.poses("1")[0].header.t < 1.0
 
 
 def test_a_router_that_is_not_there_is_one_line(heard):

@@ -78,11 +78,9 @@ def ros2(
     try:
         if membership is None:
             assert recording is not None
-            replay = open_replay(recording, trust)
-            replay.play(True)
-            return publish(replay, lambda: not replay.playing, *node)
+            return publish(open_replay(recording, trust), *node)
         with Live(membership, trust=trust) as live:
-            return publish(live, lambda: live.over, *node)
+            return publish(live, *node)
     except (RuntimeError, ValueError, OSError) as error:
         echo_error(error)
         return 3

@@ -3,7 +3,7 @@
 import logging
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
@@ -14,6 +14,7 @@ from phalanx.ros2.cdr import message_type, serialized
 from phalanx.ros2.rmw_zenoh import Node, NodeName
 from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed, keep_up, stop_request
+from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.ros2 import messages
 
 log = logging.getLogger("phalanx.ros2")
@@ -24,10 +25,10 @@ NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 """ROS 2's namespaces, but for the root."""
 
 
-def publish(
-    feed: Feed, over: Callable[[], bool], router: str, name: NodeName, timeout: float
-) -> int:
-    """Publish a feed until it is over, or until SIGINT or SIGTERM; return exit status 0.
+def publish(feed: Feed, router: str, name: NodeName, timeout: float) -> int:
+    """Publish a live run until it is over, or play and publish a recording once; return status 0.
+
+    It ends at SIGINT and SIGTERM, too.
 
     Raises ValueError if two agents would share a topic, and HubError without a router.
     """
@@ -35,10 +36,16 @@ def publish(
     with Node(router, name, timeout) as node:
         republisher = Republisher(node, name.namespace, feed)
         log.info("ROS 2 node %s/%s in domain %d", name.namespace, name.name, name.domain)
-        keep_up(republisher.tick, lambda: over() or stop_requested())
-        if over():
+        if isinstance(feed, Replay):
+            feed.play(True)  # not before: nobody would see what it plays until the node has joined
+        keep_up(republisher.tick, lambda: _over(feed) or stop_requested())
+        if _over(feed):
             republisher.finish()
     return 0
+
+
+def _over(feed: Feed) -> bool:
+    return not feed.playing if isinstance(feed, Replay) else feed.over
 
 
 class Republisher:
