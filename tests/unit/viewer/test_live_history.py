@@ -2,6 +2,8 @@
 
 import msgspec
 import numpy as np
+import pytest
+from phalanx_viewer.feeds import live_history
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
@@ -46,14 +48,17 @@ def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others()
     assert {v.pair: v.worst for v in past.violations.values()} == {"1-2": 0.7, "1-3": 0.1}
 
 
+def status(i: int) -> AgentStatus:
+    """An agent's, each number of whose step differs."""
+    u, u_nom = (i + 0.1, i + 0.2), (i + 0.3, i + 0.4)
+    return AgentStatus(step=AppliedStep(origin=Origin.QP, u=u, u_nom=u_nom, **values(i)))
+
+
+def values(i: int) -> dict[str, float]:
+    return {name: i + 0.01 * place for place, name in enumerate(QUANTITIES)}
+
+
 def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> None:
-    def values(i: int) -> dict[str, float]:
-        return {name: i + 0.01 * place for place, name in enumerate(QUANTITIES)}
-
-    def status(i: int) -> AgentStatus:
-        u, u_nom = (i + 0.1, i + 0.2), (i + 0.3, i + 0.4)
-        return AgentStatus(step=AppliedStep(origin=Origin.QP, u=u, u_nom=u_nom, **values(i)))
-
     past = LiveHistory(MODEL)
     past.add(msgspec.structs.replace(frame(2.0), agents=tuple(map(status, range(5)))))
     step = Step(
@@ -65,3 +70,29 @@ def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> 
         assert series.numbers == values(3)
         np.testing.assert_array_equal(series.u, [[3.1, 3.2]])
         np.testing.assert_array_equal(series.u_nom, [[3.3, 3.4]])
+
+
+def test_an_agent_without_a_step_hides_no_other() -> None:
+    past = LiveHistory(MODEL)
+    agents = AgentStatus(), *map(status, range(1, 5))
+    past.add(msgspec.structs.replace(frame(2.0), agents=agents))
+    assert len(past.agent(0).t) == 0
+    assert past.agent(3).numbers == values(3)
+    np.testing.assert_array_equal(past.agent(3).u, [[3.1, 3.2]])
+
+
+def test_a_long_past_is_thinned_evenly_to_its_peaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_history, "_MOST_ROWS", 256)
+    past, peak, last = LiveHistory(MODEL), 300, 1500
+    for k in range(last + 1):
+        agents = tuple(status(2 if k == peak else 1) for _ in range(5))
+        h_tot, lost = -0.5 if k == peak else -1.0, [LinkEvent(0, 2, -1.0)] * (k == peak)
+        past.add(msgspec.structs.replace(frame(float(k), *lost), h_tot=h_tot, agents=agents))
+    totals, series = past.totals, past.agent(0)
+    assert len(totals) == len(series.t) == -(-(last + 1) // 8) <= 256
+    assert totals[-1, 0] == series.t[-1] == last
+    assert np.diff(totals[:, 0]).max() == 8.0
+    assert totals[peak // 8].tolist()[:2] == [peak // 8 * 8 + 7, -0.5]
+    assert past.fates.lost.sum() == 1.0
+    assert series.numbers["residual"].max() == values(2)["residual"]
+    assert series.numbers["certified"].max() == values(1)["certified"], "the least is kept"

@@ -1,6 +1,7 @@
 """The past of a live run, gathered frame by frame."""
 
 from collections import deque
+from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
@@ -23,13 +24,14 @@ from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import AgentStatus, Frame, LogLine
-from phalanx.wire.step_report import numbers_of
+from phalanx.wire.step_report import QUANTITIES, AppliedStep, numbers_of
 from phalanx_viewer.scene.model import SceneModel
 
 SPACING = 0.2
 """Between two points of a recent path [s]."""
 _MOST_POINTS, _MOST_OF_ALL_AGENTS = 60, 3000
-_FIRST_CAPACITY = 256
+_FIRST_CAPACITY, _MOST_ROWS = 256, 4096
+"""Rows of a series: a plot has no more than 400 points."""
 _PAIR_STATES = 200
 """Most states of a run at which h of every pair is computed."""
 
@@ -40,16 +42,34 @@ def path_points(agents: int) -> int:
 
 
 class _TimeSeries:
-    """Rows of numbers, time [s] first, appended one by one."""
+    """Rows of numbers, time [s] first, appended one by one; of too many, every two become one."""
 
-    def __init__(self, width: int) -> None:
-        self._rows, self._count = np.zeros((_FIRST_CAPACITY, width)), 0
+    def __init__(self, kept: Sequence[int] | Array) -> None:
+        """kept: for each number 1, -1 or 0: of two rows the largest, smallest or last is kept."""
+        self._kept = np.array(kept)
+        self._rows, self._count = np.zeros((_FIRST_CAPACITY, len(kept))), 0
+        self._of_row, self._of_last = 1, 1
+        """Rows that were appended for each one here, and for the last."""
 
     def append(self, row: Array | list[float]) -> None:
-        if self._count == len(self._rows):
+        if self._of_last < self._of_row:
+            last = self._count - 1
+            self._rows[last], self._of_last = self._one(self._rows[last], row), self._of_last + 1
+            return
+        if self._count == _MOST_ROWS:
+            self._count //= 2
+            self._rows[: self._count] = self._one(self._rows[::2], self._rows[1::2])
+            self._of_row *= 2
+        elif self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        self._rows[self._count] = row
+        self._rows[self._count], self._of_last = row, 1
         self._count += 1
+
+    def _one(self, before: Array, after: Array | list[float]) -> Array:
+        """Two rows, or two arrays of rows, as one; a number that is known goes before NaN."""
+        largest, smallest = np.fmax(before, after), np.fmin(before, after)
+        found: Array = np.choose(self._kept + 1, [smallest, after, largest])
+        return found
 
     @property
     def rows(self) -> Array:
@@ -63,18 +83,24 @@ class LiveHistory(History):
     def __init__(self, model: SceneModel) -> None:
         n, m = len(model.names), model.kinematics.inputs[-1].stop
         self._model = model
-        self._totals = _TimeSeries(3 + len(model.values.psi_levels))
+        self._totals = _TimeSeries([1, 1, -1, *(1 for _ in model.values.psi_levels)])
         self._path: deque[Array] = deque(maxlen=path_points(n))
         self._path_due = -np.inf
         self._scalars = series_width(0) - 1
         """Numbers of AgentSeries that each agent has after t, before its inputs."""
-        self._steps = _TimeSeries(1 + self._scalars * n + 2 * m)
-        """t; each of these numbers of every agent; all u; all u_nom."""
+        plotted = [1, *(-1 if q.safe[0] is not None else 1 for q in QUANTITIES.values())]
+        self._steps = _TimeSeries([1, *np.repeat(plotted, n), *np.zeros(2 * m, dtype=int)])
+        """t; each of these numbers of every agent; all u; all u_nom. NaN before its first step."""
+        unknown = [(np.nan,) * (own.stop - own.start) for own in model.kinematics.inputs]
+        self._no_steps = [
+            AppliedStep(origin=Origin.QP, residual=None, solve_time=np.nan, u=u, u_nom=u)
+            for u in unknown
+        ]
         pairs = len(model.swarm.safe_set.pairs)
-        self._pairs = _TimeSeries(1 + pairs)
+        self._pairs = _TimeSeries([1] * (1 + pairs))
         self._pairs_due = -np.inf
         self._pairs_spacing = model.scenario.duration / pair_states(pairs, _PAIR_STATES)
-        self._late_or_lost = _TimeSeries(1 + 2 * n)
+        self._late_or_lost = _TimeSeries([1] * (1 + 2 * n))
         """t; the number of links to each agent that were late since the row before, and lost."""
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
         self._empty = np.zeros((2, n))
@@ -111,16 +137,15 @@ class LiveHistory(History):
         # step since the frame before; that is plotted at the later frame.
         empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
         more = empty > self._empty
-        steps = [status.step for status in agents if status.step is not None]
-        if len(steps) == len(agents):
-            codes = np.where(
-                more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
-            )
-            # NumPy makes NaN of None.
-            numbers = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
-            u = [*chain.from_iterable(s.u for s in steps)]
-            u_nom = [*chain.from_iterable(s.u_nom for s in steps)]
-            self._steps.append(np.concatenate([[t], codes, numbers, u, u_nom]))
+        codes = np.where(
+            more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
+        )
+        steps = [a.step or none for a, none in zip(agents, self._no_steps, strict=True)]
+        # NumPy makes NaN of None.
+        numbers = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
+        u = [*chain.from_iterable(s.u for s in steps)]
+        u_nom = [*chain.from_iterable(s.u_nom for s in steps)]
+        self._steps.append(np.concatenate([[t], codes, numbers, u, u_nom]))
         self._empty = empty
 
     def _add_fates(self, frame: Frame) -> None:
@@ -162,4 +187,5 @@ class LiveHistory(History):
         n, m, own = len(inputs), inputs[-1].stop, inputs[i]
         u = 1 + self._scalars * n + np.arange(own.start, own.stop)
         columns = [0, *(1 + k * n + i for k in range(self._scalars)), *u, *(u + m)]
-        return agent_series(self._steps.rows[:, columns])
+        rows = self._steps.rows[:, columns]
+        return agent_series(rows[~np.isnan(rows[:, series_width(0)])])
