@@ -2,15 +2,17 @@
 
 import importlib.util
 
+import msgspec
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.panels import verdict_text
 from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.messages import (
     diagnostics,
     heads,
-    interim_outcome,
-    outcome,
+    interim_head,
+    last_head,
     pose_messages,
 )
 from phalanx_viewer.ros2.republisher import pose_topics
@@ -22,6 +24,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.guarantee.verdict import Assumption
 from phalanx.ros2.cdr import message_type, serialized
 from tests import ros2_messages as ros
 
@@ -141,7 +144,7 @@ def test_a_fence_is_a_line_around_where_one_may_be():
 
 def test_diagnostics_hold_the_run_and_every_agent(replay):
     frame, model = replay.frame(replay.end), replay.model
-    head = outcome(replay.summary)
+    head = last_head(replay.summary, "")
     found = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
     run, *agents = found.status
     assert (run.level, run.name) == (ros.ERROR, "phalanx: run")
@@ -154,17 +157,29 @@ def test_diagnostics_hold_the_run_and_every_agent(replay):
     assert agents[0].level in (ros.WARN, ros.ERROR), "surrounded, it has no authority"
 
 
-def test_a_live_run_is_fine_until_a_pair_is_violated(replay):
-    assert interim_outcome(replay.frame(0.5)) == (ros.OK, "no pair left the safe set so far")
-    level, message = interim_outcome(replay.frame(replay.end))
+def test_a_run_is_guaranteed_safe_or_violated_so_far_as_on_its_page(replay):
+    start, end = replay.frame(0.1), replay.frame(replay.end)
+    fine = msgspec.structs.replace(start, assumptions=())
+    failed = msgspec.structs.replace(start, assumptions=(Assumption("punctual", 1, 2, 0.1, ""),))
+    assert interim_head(fine) == (ros.OK, "guaranteed so far")
+    assert interim_head(failed) == (ros.WARN, "safe so far, not guaranteed")
+    level, message = interim_head(end)
     assert level == ros.ERROR
-    assert message.startswith("violated: 1-2")
-    assert outcome(None) == (ros.ERROR, "the plant left without a verdict")
+    assert message.startswith("violated so far: 1-2")
+    for frame in fine, failed, end:
+        words = interim_head(frame)[1].partition(":")[0].replace(" so far", "")
+        text = verdict_text(frame, None, "").replace(" so far</b>", "").replace("<b>", "")
+        assert words in text
+
+
+def test_without_a_verdict_the_last_status_says_why():
+    why = "it ends in the middle of a chunk"
+    assert last_head(None, why) == (ros.ERROR, f"no verdict: {why}")
 
 
 def test_only_levels_and_messages_make_diagnostics_differ(replay):
     start, soon, end = (
-        heads(diagnostics(frame, replay.model, interim_outcome(frame)))
+        heads(diagnostics(frame, replay.model, interim_head(frame)))
         for frame in map(replay.frame, (0.1, 0.2, replay.end))
     )
     assert start == soon

@@ -4,6 +4,8 @@ import signal
 import time
 from collections.abc import Callable
 
+from phalanx.guarantee.verdict import Outcome
+from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
 
@@ -11,6 +13,14 @@ Feed = Live | Replay
 
 _TICK = 1.0 / 30.0
 """Wall time between two reads of a feed [s]: the plant sends frames no faster."""
+
+
+def interim_outcome(frame: Frame) -> Outcome:
+    """The outcome of a run if it ended with this frame."""
+    if frame.violations:
+        return Outcome.VIOLATED
+    failed = any(assumption.failed for assumption in frame.assumptions)
+    return Outcome.SAFE if failed else Outcome.GUARANTEED
 
 
 def stop_request() -> Callable[[], bool]:

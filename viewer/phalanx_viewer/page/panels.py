@@ -9,10 +9,10 @@ import viser
 
 from phalanx.curves.series import NO_ROW
 from phalanx.faults.commands import EFFECTS, CommandKind, Condition
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.theory.rows.origin import origin_label
 from phalanx.wire.messages import AgentStatus, Frame, LogLine
-from phalanx_viewer.feeds.feed import Feed
+from phalanx_viewer.feeds.feed import Feed, interim_outcome
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.server import Callback, SceneServer, in_loop
@@ -138,13 +138,13 @@ def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Mark
 
 
 def _interim_outcome(frame: Frame, when: str) -> Markup:
-    if frame.violations:
+    found, more = interim_outcome(frame), ""
+    if found == Outcome.VIOLATED:
         worst = frame.violations[0]
-        since = f": {worst.pair} since t = {worst.first:.3f} s"
-        return _text(element("b", f"violated {when}"), since)
-    if any(a.failed for a in frame.assumptions):
-        return _text(element("b", f"safe {when}"), ", not guaranteed")
-    return _text(element("b", f"guaranteed {when}"))
+        more = f": {worst.pair} since t = {worst.first:.3f} s"
+    elif found == Outcome.SAFE:
+        more = ", not guaranteed"
+    return _text(element("b", f"{found} {when}"), more)
 
 
 def agent_text(status: AgentStatus) -> Markup:

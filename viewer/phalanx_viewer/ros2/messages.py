@@ -18,6 +18,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.ros2 import cdr
 from phalanx.wire.messages import AgentStatus, Frame
 from phalanx.wire.step_report import QUANTITIES
+from phalanx_viewer.feeds.feed import interim_outcome
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role, role
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
@@ -180,18 +181,18 @@ def _status(name: str, head: Head, hardware: str, figures: dict[str, object]) ->
     )
 
 
-def interim_outcome(frame: Frame) -> Head:
-    """Outcome of a live run up to a frame."""
-    if frame.violations:
-        pairs = ", ".join(violation.pair for violation in frame.violations)
-        return Status.ERROR, f"violated: {pairs}"
-    return Status.OK, "no pair left the safe set so far"
+def interim_head(frame: Frame) -> Head:
+    """Outcome of a run up to a frame."""
+    found = interim_outcome(frame)
+    pairs = ", ".join(violation.pair for violation in frame.violations)
+    more = {Outcome.VIOLATED: f": {pairs}", Outcome.SAFE: ", not guaranteed"}.get(found, "")
+    return _OF_OUTCOME[found], f"{found} so far{more}"
 
 
-def outcome(summary: Summary | None) -> Head:
-    """Outcome of a run that is over; None: its plant was killed."""
+def last_head(summary: Summary | None, unfinished: str) -> Head:
+    """Outcome of a run that is over; `unfinished` says why there is no summary."""
     if summary is None:
-        return Status.ERROR, "the plant left without a verdict"
+        return Status.ERROR, f"no verdict: {unfinished}"
     return _OF_OUTCOME[summary.outcome], f"{summary.outcome}: {summary.reason}"
 
 

@@ -83,13 +83,14 @@ class Republisher:
             violated = messages.violations(frame.t, model, poses.positions, unsafe)
             static = messages.static_markers(frame.t, model) if again else ()
             self._markers.put(serialized(messages.array(moving, violated, static)))
-        self._put_diagnostics(frame, messages.interim_outcome(frame), again)
+        self._put_diagnostics(frame, messages.interim_head(frame), again)
 
     def finish(self) -> None:
         """Publish the verdict with the last frame."""
         self.tick()
         if self._last is not None:
-            self._put_diagnostics(self._last, messages.outcome(self._feed.summary), True)
+            head = messages.last_head(self._feed.summary, self._feed.unfinished)
+            self._put_diagnostics(self._last, head, True)
 
     def _put_diagnostics(self, frame: Frame, head: messages.Head, again: bool) -> None:
         if not self._diagnostics.has_subscriber:
