@@ -7,12 +7,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from phalanx.arrays import Array
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.picture import Picture
+from phalanx_viewer.scene.static import wall_panels
 
 _GREEN, _RED, _GREY = "#22a05e", "#e11d2e", "#64748b"
 
@@ -66,8 +68,9 @@ def _draw_in_plane(axes: Any, model: SceneModel, shown: Picture) -> None:
         axes.add_patch(Circle(*circle, color=colour, alpha=0.6 if unsafe else 0.2))
     axes.plot(*np.array(shown.worst_pair).T[:2], color=_GREEN, linewidth=2.0)
     x, y, _ = shown.positions.T
-    axes.quiver(x, y, *shown.u_nom.T[:2], color="#a0aec0", angles="xy", width=0.002)
-    axes.quiver(x, y, *shown.applied.T[:2], color="#1e293b", angles="xy", width=0.002)
+    for arrows, colour in ((shown.u_nom, "#a0aec0"), (shown.applied, "#1e293b")):
+        if arrows.any():  # else matplotlib divides by their mean length, 0
+            axes.quiver(x, y, *arrows.T[:2], color=colour, angles="xy", width=0.002)
     for name, position in zip(model.names, shown.positions, strict=True):
         axes.annotate(name, position[:2], xytext=(6, 6), textcoords="offset points")
 
@@ -77,6 +80,9 @@ def _draw_in_space(axes: Any, model: SceneModel, shown: Picture) -> None:
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
     for center, radius in model.static.spheres:
         axes.plot_surface(*(center[:, None, None] + radius * ball), color=_GREY, alpha=0.4)
+    low, high = model.extent
+    for corners, _ in wall_panels(model, (low + high) / 2.0, float((high - low).max()) / 2.0):
+        axes.add_collection3d(Poly3DCollection([corners], color=_GREY, alpha=0.25))
     for ends in (np.array(shown.worst_pair), *shown.unsafe_ends):
         axes.plot(*ends.T, color=_RED if shown.unsafe else _GREEN, linewidth=2.0)
     for name, position in zip(model.names, shown.positions, strict=True):

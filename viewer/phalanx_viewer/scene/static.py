@@ -1,6 +1,7 @@
 """The static part of the scene: ground, light, obstacles and the corridor of the formation."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import viser
@@ -76,14 +77,9 @@ def _draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, rea
         )  # fmt: skip
     for number, line in enumerate(static.outlines):
         _draw_lines(scene, f"/limits/{number}", np.stack([line[:-1], line[1:]], axis=1), _RAIL)
-    walls = [(normal, float(normal @ point)) for point, normal in static.walls]
-    for number, wall in enumerate(walls):
-        others = [other for other in walls if other is not wall]
-        corners = panel(wall, others, middle, reach)
-        if len(corners) < 3:  # the others leave no room for it
-            continue
+    for number, (corners, normal) in enumerate(wall_panels(model, middle, reach)):
         if model.flat:
-            _draw_fence(scene, number, corners, wall[0], 2.0 * reach / _HATCHES)
+            _draw_fence(scene, number, corners, normal, 2.0 * reach / _HATCHES)
         else:
             scene.add_mesh_simple(
                 f"/obstacles/wall {number}", *polygon(corners), color=OBSTACLE, opacity=0.25,
@@ -107,6 +103,16 @@ def _draw_fence(
 
 def _draw_lines(scene: viser.SceneApi, name: str, segments: Array, pixels: float) -> None:
     scene.add_line_segments(name, segments, OBSTACLE, thickness=pixels, thickness_units="screen")
+
+
+def wall_panels(model: SceneModel, middle: Array, reach: float) -> Iterator[tuple[Array, Array]]:
+    """Yield each wall's panel, and its normal, unless the others leave no room for it."""
+    walls = [(normal, float(normal @ point)) for point, normal in model.static.walls]
+    for wall in walls:
+        others = [other for other in walls if other is not wall]
+        corners = panel(wall, others, middle, reach)
+        if len(corners) >= 3:
+            yield corners, wall[0]
 
 
 def panel(wall: HalfSpace, others: list[HalfSpace], middle: Array, reach: float) -> Array:
