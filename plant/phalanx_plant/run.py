@@ -149,6 +149,7 @@ class PlantRun:
         began = time.monotonic()
         try:
             prepare()
+            self._publisher.begin()
             began = time.monotonic()
             with endless_loops(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)

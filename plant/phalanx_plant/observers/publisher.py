@@ -69,7 +69,12 @@ class Publisher:
         self._link_events: dict[tuple[int, int], float] = {}
         self._peak = -np.inf
         self._due = 0.0
-        self._began = self._status_due = time.monotonic()
+        self._status_due = time.monotonic()
+        self.begin()
+
+    def begin(self) -> None:
+        """Count the wall time of the run from now on: all have joined."""
+        self._began = time.monotonic()
         self._pace = (self._began, 0.0, 0.0)
         """Wall time, virtual time and real-time factor of its last measurement."""
 

@@ -1,5 +1,6 @@
 """Live frames are those of a replay at the same time."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,12 @@ from phalanx_plant.run import PlantRun
 from phalanx_viewer.feeds.replay import open_replay
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.recording.write import RecordingWriter
-from phalanx.wire.messages import Frame
+from phalanx.swarm.runnable import compile_rows
+from phalanx.wire.messages import Frame, Status
 from tests.unit.swarms import rows_of_scenario
 
 
@@ -65,3 +67,23 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
         assert (frame.t, frame.agents) == (again.t, again.agents)
         assert (frame.x, frame.pair, frame.worst_h) == (again.x, again.pair, again.worst_h)
     assert sum(agent.backups for agent in audience.frames[-1].agents) > 0
+
+
+@pytest.mark.slow
+def test_the_real_time_factor_counts_no_time_before_all_have_joined(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(publisher, "_STATUS_EVERY", 0.0)
+    rows = rows_of_scenario("unicycles", "duration=0.5")
+    found: list[tuple[Status, float]] = []
+    joined: list[float] = []
+
+    def join() -> None:
+        compile_rows(rows)
+        joined.append(time.monotonic())
+
+    agents = DirectAgents(rows, lambda status: found.append((status, time.monotonic())))
+    commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
+    PlantRun(rows, agents, None, commands, Lockstep).run(prepare=join)
+    assert found[-1][0].t > 0.0
+    assert all(status.real_time_factor * (now - joined[0]) >= status.t for status, now in found)
