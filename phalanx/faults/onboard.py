@@ -25,6 +25,9 @@ from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, Positive, field_error
 from phalanx.seeded.draws import SamplingClock, Seeds, Tables
 
+_LEAST_DRIFT, _MOST_DRIFT = -0.5, 10.0
+"""Of one drift, and of the sum of all that are in force."""
+
 
 class ClockFault(AgentFault):
     """Clocks trigger samples too late or too early."""
@@ -35,7 +38,7 @@ class ClockFault(AgentFault):
     the next one."""
     skew: Finite | None = None
     """The same for the fault's duration [s]."""
-    drift: Annotated[Finite, Field(gt=-0.5, le=10.0)] | None = None
+    drift: Annotated[Finite, Field(gt=_LEAST_DRIFT, le=_MOST_DRIFT)] | None = None
     """Relative lengthening of the time between samples, for the fault's duration."""
     lasts: Positive | None = Field(default=None, alias="for")
     """Duration [s]."""
@@ -154,11 +157,13 @@ class AgentClock:
 
     def after(self, k: int, t: float, now: float = 0.0) -> float:
         """Return the time of tick k + 1 [s], given that tick k was at t [s]; decided now [s]."""
-        due = right = self._clock.after(k, t, now)
-        for drift, occurrence in self._drifts:
+        right, drift = self._clock.after(k, t, now), 0.0
+        for each, occurrence in self._drifts:
             if occurrence.in_force(t):
-                due += drift * (right - t)
+                drift += each
                 self.faults[occurrence.number] += 1
+        # Occurrences may overlap, and a sum of -1 would stop the time.
+        due = right + min(max(drift, _LEAST_DRIFT), _MOST_DRIFT) * (right - t)
         for jump in self._jumps:
             if t <= jump.t < due:
                 due = max(math.nextafter(jump.t, math.inf), due + jump.by)

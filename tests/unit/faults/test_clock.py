@@ -12,13 +12,14 @@ from phalanx.swarm.swarm import build_swarm
 PERIOD, JITTER, AT, OVER, END = 0.01, 0.002, 1.0, 1.5, 3.0
 
 
-def ticks(**fault: Any) -> tuple[AgentClock, np.ndarray]:
-    """Agent 1's clock, and all its ticks."""
-    faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] if fault else []
+def ticks(count: int = 1, **fault: Any) -> tuple[AgentClock, np.ndarray]:
+    """Agent 1's clock with so many of a fault, and all its ticks."""
+    faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] * count if fault else []
     swarm = build_swarm(load("unicycles", {"faults": faults}))
     clock = AgentClock(swarm.clock(0), swarm.time.latency, swarm.links.occurrences)
     times = [0.0]
     while times[-1] < END:
+        assert len(times) < 2 * END / (PERIOD - JITTER)
         times.append(clock.after(len(times) - 1, times[-1]))
     return clock, np.array(times)
 
@@ -68,3 +69,13 @@ def test_a_drift_stretches_every_gap_of_its_time_and_no_other(drift: float):
     assert stretched[during] == pytest.approx(1.0 + drift)
     assert stretched[~during] == pytest.approx(1.0)
     assert clock.faults == {0: during.sum()}
+
+
+@pytest.mark.parametrize(("drift", "total"), [(-0.2, -0.4), (-0.45, -0.5), (8.0, 10.0)])
+def test_drifts_at_once_add_up_within_the_bounds_of_one(drift: float, total: float):
+    clock, times = ticks(count=2, drift=drift, **{"for": END})
+    n = min(len(times), len(RIGHT)) - 1
+    during = times[:n] >= AT
+    stretched = np.diff(times)[:n] / np.diff(RIGHT)[:n]
+    assert stretched[during] == pytest.approx(1.0 + total)
+    assert clock.faults[0] == clock.faults[1] > 0
