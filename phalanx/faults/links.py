@@ -15,7 +15,7 @@ from phalanx.faults.fault import (
     TimedFault,
     require_names,
 )
-from phalanx.network.rule import Cut, Message, Treatment, delay
+from phalanx.network.rule import DELIVER, Cut, Message, Treatment, delay
 from phalanx.network.table import LinkOverride, SomeLinks
 from phalanx.schema.fields import Name, field_error
 from phalanx.seeded.draws import Draws
@@ -96,7 +96,7 @@ class HoldFault(_FaultOfSomeLinks):
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Delay every message that would arrive before the end until the end."""
-        held = (self.during(HoldUntil(self.end)),)
+        held = (Hold(self.at, self.end),)
         return lambda link: held if self.concerns(*link) else ()
 
 
@@ -113,14 +113,17 @@ class LinkFault(_FaultOfSomeLinks, LinkOverride):
 
 
 @dataclass(frozen=True)
-class HoldUntil:
-    """Messages that would arrive before a time arrive at that time, as from a blocked socket."""
+class Hold:
+    """Messages that would arrive in [begin, end) arrive at its end, as from a blocked socket."""
 
-    release: float
+    begin: float
+    """[s]"""
+    end: float
     """[s]"""
 
     def treat(self, message: Message) -> Treatment:
-        return delay(max(0.0, self.release - message.t))
+        held = self.begin <= message.t < self.end
+        return delay(self.end - message.t) if held else DELIVER
 
 
 def links_between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset[Ends]:

@@ -125,7 +125,7 @@ def asks_distance(rule: Rule) -> bool:
 
 @dataclass(frozen=True)
 class During:
-    """A rule in force for messages that arrive at it in [begin, end)."""
+    """A rule in force for messages sent in [begin, end), whatever delays them before it."""
 
     begin: float
     """[s]"""
@@ -138,7 +138,7 @@ class During:
         return asks_distance(self.rule)
 
     def treat(self, message: Message) -> Treatment:
-        return self.rule.treat(message) if self.begin <= message.t < self.end else DELIVER
+        return self.rule.treat(message) if self.begin <= message.sent < self.end else DELIVER
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from phalanx.faults.links import HoldUntil
+from phalanx.faults.links import Hold
 from phalanx.network.inbox import BroadcastInbox
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import (
@@ -133,9 +133,7 @@ def test_a_partition_loses_what_is_sent_in_its_time():
 
 
 def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
-    held = LinkModel(
-        (*model(delay=0.05).stages, Stage("faults.0", During(0.2, 0.5, HoldUntil(0.5)), 0))
-    )
+    held = LinkModel((*model(delay=0.05).stages, Stage("faults.0", Hold(0.2, 0.5), 0)))
     link = Link(0, "a", "b", held)
     arrivals = [k / 100 + link.fate(k, sent=k / 100).delay for k in range(100)]
     expected = [t + 0.05 for t in np.arange(100) / 100]

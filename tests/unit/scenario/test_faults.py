@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json
 
@@ -100,6 +101,31 @@ def test_faults_act_on_the_links_that_they_concern_in_their_order():
     }
     held = links.model("2", "3").stages
     assert held[-1].field == "faults.1"
+
+
+LATE = {"kind": "link", "at": 1.0, "for": 0.5, "delay": 0.6}
+LOST = {"kind": "link", "at": 1.0, "for": 0.5, "loss": 1.0}
+CUT = {"kind": "partition", "at": 1.0, "for": 0.5, "groups": [["1"]]}
+
+
+@pytest.mark.parametrize(
+    ("faults", "commanded", "during", "otherwise"),
+    [
+        ([LATE, CUT], None, None, 0.0),
+        ([LATE, LOST], None, None, 0.0),
+        ([{**LATE, "reorder": {"probability": 1.0}}], None, 0.0, 0.0),
+        ([CUT], 0.2, None, 0.2),
+    ],
+    ids=["a partition", "another fault", "a rule of the same fault", "a command's delay"],
+)
+def test_a_fault_is_of_the_messages_sent_in_its_time_also_if_they_are_late(
+    faults, commanded, during, otherwise
+):
+    links = load("unicycles", {"faults": faults}).links()
+    link = Link(0, "1", "2", links.model("1", "2"))
+    link.override(None, commanded)
+    found = [link.fate(k, sent=k / 10).delay for k in range(30)]
+    assert found == [during if 10 <= k < 15 else otherwise for k in range(30)]
 
 
 @pytest.mark.parametrize("name", PRESETS)
