@@ -4,18 +4,22 @@ import logging
 import math
 import queue
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 
 import msgspec
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal, require_valid
+from phalanx.faults.fault import Occurrence
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Malformed, Refusals, Sealer
 
 log = logging.getLogger("phalanx.plant")
+
+_BEGIN = attrgetter("begin")
 
 _POLL = 0.03
 """While waiting, period of showing the run and of checking whether it was stopped [s]."""
@@ -168,13 +172,36 @@ class CommandQueue:
 
 
 def declared(swarm: Swarm) -> list[Command]:
-    """Commands at the begin and end of each agent fault that the scenario declares."""
-    return [
-        Command(t, kind, each.agent, fault=each.number)
-        for each in swarm.links.occurrences
-        for t, kind in ((each.begin, each.fault.begins_with), (each.end, each.fault.ends_with))
-        if kind is not None
-    ]
+    """Commands at the begin of each agent fault that the scenario declares, and at its end.
+
+    Of faults that overlap at one agent and have the same effect, only the last to end ends it.
+    """
+    found, again, occurrences = list[Command](), list[Command](), swarm.links.occurrences
+    ends = _ends(occurrences)
+    for each in occurrences:
+        begins_with, ends_with = each.fault.begins_with, each.fault.ends_with
+        if begins_with is not None:
+            found.append(Command(each.begin, begins_with, each.agent, fault=each.number))
+        if ends_with is not None and each.end in ends[each.agent, begins_with]:
+            found.append(Command(each.end, ends_with, each.agent, fault=each.number))
+        if begins_with is CommandKind.FREEZE:
+            # A process that is replaced during a pause begins paused.
+            again += [
+                Command(t, begins_with, each.agent, fault=each.number)
+                for t in ends.get((each.agent, CommandKind.KILL), ())
+                if each.in_force(t)
+            ]
+    return [*found, *again]
+
+
+def _ends(occurrences: Iterable[Occurrence]) -> dict[tuple[str, CommandKind | None], set[float]]:
+    """Merge occurrences that overlap or touch, and return the ends [s] by agent and effect."""
+    merged = defaultdict[tuple[str, CommandKind | None], list[float]](list)
+    for each in sorted(occurrences, key=_BEGIN):
+        ends = merged[each.agent, each.fault.begins_with]
+        last = ends.pop() if ends and each.begin <= ends[-1] else each.end
+        ends.append(max(last, each.end))
+    return {effect: set(ends) for effect, ends in merged.items()}
 
 
 def _in_order(commands: Iterable[Command]) -> deque[Command]:

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.commands import CommandQueue, declared
 
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition, FaultState
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
@@ -65,3 +67,36 @@ def test_a_signal_that_outlasts_a_wait_for_the_wall_clock_leaves_it_its_end():
     paced.pace.restart(0.0)
     with outlasting_a_wait(lambda: put(paced, 1)):
         assert paced.wait_until(0.1, 0.0, lambda: None) == []
+
+
+def fault(kind: str, at: float, until: float | None = None, agent: str = "1") -> dict[str, object]:
+    lasts = {} if until is None else {"for": until - at}
+    return {"kind": kind, "at": at, "agents": [agent], **lasts}
+
+
+@pytest.mark.parametrize(
+    ("faults", "expected"),
+    [
+        ([fault("pause", 1, 4), fault("pause", 2, 3)], ".fff..."),
+        ([fault("pause", 3, 5), fault("pause", 1, 4)], ".ffff.."),
+        ([fault("pause", 2, 4), fault("pause", 1, 2)], ".fff..."),
+        ([fault("pause", 1, 3), fault("pause", 2, 4, agent="2")], ".ff...."),
+        ([fault("restart", 1, 3), fault("restart", 2, 5)], ".dddd.."),
+        ([fault("kill", 2), fault("restart", 1, 3)], ".dddddd"),
+        ([fault("restart", 1, 3), fault("kill", 4)], ".dd.ddd"),
+        ([fault("pause", 1, 5), fault("restart", 2, 3)], ".fdff.."),
+        ([fault("restart", 1, 3), fault("pause", 2, 5)], ".ddff.."),
+        ([fault("pause", 3, 5), fault("restart", 1, 3)], ".ddff.."),
+        ([fault("restart", 1, 5), fault("pause", 2, 3)], ".dddd.."),
+    ],
+)
+def test_of_faults_that_overlap_none_ends_another(faults, expected):
+    queue = CommandQueue(CommandPolicy(), ("1", "2", "3", "4", "5"))
+    queue.declare(declared(build_swarm(load("unicycles", {"faults": faults}))))
+    state, found = FaultState(("1", "2", "3", "4", "5")), ""
+    letter = {Condition.FINE: ".", Condition.FROZEN: "f", Condition.DEAD: "d"}
+    for t in range(7):
+        for command in queue.due(t):
+            state.apply(command)
+        found += letter[state.condition[0]]
+    assert found == expected
