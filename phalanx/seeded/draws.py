@@ -172,6 +172,8 @@ class SamplingClock:
     def most_samples(self, duration: float) -> int:
         """Bound the number of samples in a run of this duration [s].
 
-        Twice as many as fit: an agent that is thawed samples at once, out of turn.
+        Twice as many as fit, as a drift at most halves the period, and a thousand for live
+        commands: an agent that is thawed samples at once, out of turn. Declared faults that have
+        an agent do so are to be added.
         """
         return 1000 + 2 * math.ceil(duration / (self._period - self._jitter))

@@ -1,6 +1,7 @@
 """A scenario's agents with their dynamics, starts, clocks and safe set."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -208,11 +209,14 @@ class Swarm:
     @cached_property
     def broadcasters(self) -> dict[str, Broadcaster]:
         """Each normal agent's, by name."""
+        duration = self.scenario.duration
+        # One sample comes too soon after a pause, a restart, or a clock that is set back.
+        faults = Counter(each.agent for each in self.links.occurrences)
         return {
             self.names[i]: Broadcaster(
                 i,
                 len(self.members[i].dynamics.inputs),
-                self.clock(i).most_samples(self.scenario.duration),
+                self.clock(i).most_samples(duration) + faults[self.names[i]],
             )
             for i in self.normal
         }

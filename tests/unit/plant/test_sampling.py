@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.clock.commands import declared
 from phalanx_plant.sampling.sampling import Sampling, TakenSample
 
 from phalanx.faults.commands import Command, CommandKind
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Sample
 from tests.unit.swarms import swarm_of_scenario
 
@@ -87,3 +90,20 @@ def test_a_command_without_effect_calls_no_process():
         taking.apply(kind, 0.1)
     assert taking.processes.calls == []
     assert taking.schedule.tick(1) == 0.0
+
+
+def test_an_agent_takes_no_more_samples_than_its_peers_accept_however_often_it_is_paused():
+    pauses = {"kind": "pause", "rate": 95.0, "for": 0.001, "agents": ["2"]}
+    slow = {"duration": 16.0, "agents.0.clock.period": 0.2, "faults": [pauses]}
+    swarm = build_swarm(load("unicycles", slow))
+    schedule = Sampling(swarm).schedule
+    for command in sorted(declared(swarm), key=lambda command: command.t):
+        while schedule.tick(1) < command.t:
+            schedule.sampled(1, schedule.tick(1))
+        if command.harms:
+            schedule.silence(1)
+        else:
+            schedule.resume(1, command.t)
+    assert (
+        swarm.clock(1).most_samples(16.0) < schedule.next_number(1) < swarm.broadcasters["2"].most
+    )
