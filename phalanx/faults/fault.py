@@ -108,9 +108,9 @@ class TimedFault(Fault):
         """End [s]."""
         return self.at + self.lasts
 
-    def during(self, rule: Rule) -> Rule:
+    def during(self, rule: Rule, field: str = "") -> Rule:
         """Restrict a rule to the time of this fault."""
-        return During(self.at, self.end, rule)
+        return During(self.at, self.end, rule, field)
 
 
 class AgentFault(Fault):

@@ -132,6 +132,8 @@ class During:
     end: float
     """[s]"""
     rule: Rule
+    field: str = ""
+    """Of a user's rule: its name in its table, which keeps its draws apart."""
 
     @property
     def asks_distance(self) -> bool:

@@ -12,7 +12,7 @@ from phalanx.faults.links import AnyLinkFault, LinkFault
 from phalanx.faults.onboard import AnyOnboardFault
 from phalanx.faults.process import ProcessFault
 from phalanx.network.link import Kind, Link, LinkModel, Stage
-from phalanx.network.rule import UsersRule
+from phalanx.network.rule import During, Rule, UsersRule
 from phalanx.network.table import LinkTable, Network
 
 AnyFault = Annotated[
@@ -77,7 +77,7 @@ class Links:
         link = LinkEnds(sender, receiver, of)
         before, after = (
             [
-                Stage(f"faults.{place}", rule, self._first_fault + place)
+                Stage(_field(place, rule), rule, self._first_fault + place)
                 for place, rules in group
                 for rule in rules(link)
             ]
@@ -118,6 +118,12 @@ class Links:
             if isinstance(fault, AgentFault)
             for t, name in fault.times(self._run, place)
         )
+
+
+def _field(place: int, rule: Rule) -> str:
+    """Return the name of a fault's rule, by which its draws are keyed."""
+    own = rule.field if isinstance(rule, During) else ""
+    return f"faults.{place}.{own}" if own else f"faults.{place}"
 
 
 def _stages(table: LinkTable, first: int) -> tuple[Stage, ...]:

@@ -1,11 +1,13 @@
 """[network] and [[faults]] as a scenario writes them: read, refused, written down again."""
 
 import tomllib
+from dataclasses import dataclass
 
 import pytest
 
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
+from phalanx.network.rule import DELIVER, DROP
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json
 
 ALL = """
@@ -126,6 +128,23 @@ def test_a_fault_is_of_the_messages_sent_in_its_time_also_if_they_are_late(
     link.override(None, commanded)
     found = [link.fate(k, sent=k / 10).delay for k in range(30)]
     assert found == [during if 10 <= k < 15 else otherwise for k in range(30)]
+
+
+@dataclass(frozen=True)
+class Coin:
+    """Loses every other message, by chance."""
+
+    def treat(self, message):
+        return DROP if message.draw("coin") < 0.5 else DELIVER
+
+
+def test_two_rules_of_ones_own_in_one_fault_draw_each_for_itself():
+    rules = [{"type": f"{__name__}:Coin"}] * 2
+    fault = {"kind": "link", "for": 1.0, "rules": rules}
+    links = load("unicycles", {"faults": [fault]}).links()
+    link = Link(0, "1", "2", links.model("1", "2"))
+    lost = [link.fate(k, distance=1.0).delay is None for k in range(4000)]
+    assert sum(lost) / 4000 == pytest.approx(0.75, abs=0.03)
 
 
 @pytest.mark.parametrize("name", PRESETS)
