@@ -55,6 +55,12 @@ class Partition(TimedFault):
         require_names(itertools.chain(*self.groups), agents, place)
         if len(self._complete(tuple(agents))) < 2 and not self.shape:
             raise field_error(place, "expected two groups, or an agent in no group", self.groups)
+        # Of two agents both are a majority.
+        least = 2 if self.shape == "isolate" else 3
+        if self.shape and len(agents) < least:
+            raise field_error(
+                (*where, "shape"), f"expected {least} agents or more to part", self.shape
+            )
 
     @property
     def drawn_ahead(self) -> bool:

@@ -1,14 +1,19 @@
 """[network] and [[faults]] as a scenario writes them: read, refused, written down again."""
 
+import itertools
 import tomllib
 from dataclasses import dataclass
 
 import pytest
+from pydantic import ValidationError
 
+from phalanx.faults.fault import AgentFacts, LinkEnds, RunFacts
+from phalanx.faults.links import Partition
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.network.rule import DELIVER, DROP
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.seeded.draws import Seeds
 
 ALL = """
 [network]
@@ -285,6 +290,22 @@ BROKEN = {
         ["faults.0.from: expected an agent's name or '*'"],
     ),
 }
+
+
+@pytest.mark.parametrize(("shape", "fewest"), [("majority", 3), ("ring", 3), ("isolate", 2)])
+def test_a_shape_that_would_cut_nothing_is_refused(shape, fewest):
+    agents = {str(n): AgentFacts(False, (), ()) for n in range(fewest)}
+    fault = Partition.model_validate({"kind": "partition", "for": 1.0, "shape": shape})
+    fault.check(agents, ("faults", 0))
+    names = tuple(agents)
+    assert any(
+        fault.on_links(RunFacts(names, 1.0, Seeds(0)), 0)(LinkEnds(*link))
+        for link in itertools.permutations(names, 2)
+    )
+    agents.pop("0")
+    with pytest.raises(ValidationError, match=f"expected {fewest} agents or more") as error:
+        fault.check(agents, ("faults", 0))
+    assert error.value.errors()[0]["loc"] == ("faults", 0, "shape")
 
 
 @pytest.mark.parametrize(("overrides", "fragments"), BROKEN.values(), ids=BROKEN)
