@@ -19,7 +19,7 @@ from phalanx.faults.fault import (
 )
 from phalanx.network.inbox import Claim
 from phalanx.network.rule import Cut
-from phalanx.schema.fields import INPUT, WORD, Finite, Name, field_error
+from phalanx.schema.fields import INPUT, WORD, Name, Sent, field_error
 from phalanx.seeded.draws import Draws, Seeds
 
 _LIES = ("says", "equivocate", "replay", "apply_time", "silent")
@@ -39,7 +39,7 @@ class LieFault(TimedFault):
     says: (
         Annotated[
             Annotated[Literal["opposite", "zero"], Tag(WORD)]
-            | Annotated[tuple[Finite, ...], Tag(INPUT)],
+            | Annotated[tuple[Sent, ...], Tag(INPUT)],
             Discriminator(_word_or_input),
         ]
         | None
@@ -49,7 +49,7 @@ class LieFault(TimedFault):
     """Claim another input to every peer at every step, with components between u and -u."""
     replay: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Claim the input that it applied so many steps ago, with a new sequence number."""
-    apply_time: Finite | None = None
+    apply_time: Sent | None = None
     """Claim that its input takes effect so much later than it does [s]; negative: earlier."""
     silent: Literal[True] | None = None
     """Send no broadcasts."""

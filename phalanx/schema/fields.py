@@ -18,6 +18,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from phalanx.schema.registry import construct, is_users, lookup
 from phalanx.schema.user_code import UntrustedCodeError
+from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import error_line, located_class
 
 CONTROLLER = "controller"
@@ -34,8 +35,15 @@ def _check_name(name: str) -> str:
     return name
 
 
+def _check_sent(number: float) -> float:
+    if abs(number) > LARGEST:
+        raise ValueError(f"expected at most {LARGEST:g} in size: agents refuse larger numbers")
+    return number
+
+
 Name = Annotated[str, AfterValidator(_check_name)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Sent = Annotated[Finite, AfterValidator(_check_sent)]
 Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
 Probability = Annotated[Finite, Field(ge=0, le=1)]

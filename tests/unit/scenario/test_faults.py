@@ -252,6 +252,14 @@ BROKEN = {
         ["faults.0.says: expected 'opposite' or 'zero', got 'please'"],
     ),
     "an input of another size": (lie(says=[1.0]), ["faults.0.says: expected 2 components"]),
+    "an input too large to send": (
+        lie(says=[0.0, -1e301]),
+        ["faults.0.says.1: expected at most 1e+300 in size", "got -1e+301"],
+    ),
+    "an apply time too late to send": (
+        lie(apply_time=1e301),
+        ["faults.0.apply_time: expected at most 1e+300 in size", "got 1e+301"],
+    ),
     "a replay of the future": (lie(replay=0), ["faults.0.replay: expected greater than or equal"]),
     "a fault of an unknown agent": (
         {"faults": [{"kind": "kill", "at": 1.0, "agents": ["9"]}]},
