@@ -57,6 +57,11 @@ class StopRequest:
         if parent := multiprocessing.parent_process():
             threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
 
+    def ignore_failures(self) -> None:
+        """Go on without the agents that fail from now on."""
+        # No SIG_IGN: Python reports a signal that comes just before it as an error.
+        signal.signal(signal.SIGUSR1, lambda *_: None)
+
     def check(self) -> None:
         """Raise StoppedError or AbandonedError if the run should stop."""
         if self._reason is not None:
@@ -140,6 +145,8 @@ def run(
             while agents_start and not agents_start.poll(_POLL):
                 stop.check()
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
+            if hub.may_leave:
+                stop.ignore_failures()
             gc.freeze()
 
         summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)

@@ -84,22 +84,50 @@ def test_it_cannot_be_run_again_with_another_seed(recorded: Recording) -> None:
         verify(recorded, seed=1)
 
 
-def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
-    run = phalanx("run", "one-on-one", "--real-time", "1", "--set", "duration=600")
+FAILING_LAW = """
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass
+class Failing:
+    def prepare(self, dynamics):
+        pass
+
+    def input(self, view):
+        if Path("fail").exists():
+            raise RuntimeError("no camera")
+        return view.x[view.i][:2] * 0.0
+"""
+
+
+@pytest.mark.parametrize("end", ["killed", "failed"])
+def test_an_agent_that_dies_is_lost_and_the_run_goes_on(
+    phalanx, tmp_path, monkeypatch, end: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "failing_law.py").write_text(FAILING_LAW)
+    law = 'agents.1.law={ type = "failing_law:Failing" }'
+    common = ("run", "one-on-one", "--real-time", "1", "--set", "duration=600")
+    run = phalanx(*common, *(("--set", law) if end == "failed" else ()))
     run.wait_until_running(agents=2)
-    run.programs()["phx-agent-2"].kill()
+    if end == "killed":
+        run.programs()["phx-agent-2"].kill()
+    (tmp_path / "fail").touch()
 
     def steps_without_it() -> int:
-        found = read(run.folder)
+        found = read(run.folder, trust=True)
         lost = [line.t for line in found.log if line.text.startswith("agent 2 is lost")]
-        return sum(step.agent == "1" and step.t > lost[0] for step in found.steps) if lost else 0
+        # Longer than the plant has to notice a failure, of which it is told too.
+        later = lost[0] + 2.0 if lost else math.inf
+        return sum(step.agent == "1" and step.t > later for step in found.steps)
 
-    wait_for(steps_without_it)
+    wait_for(lambda: steps_without_it() or run.process.poll() is not None)
     os.killpg(run.process.pid, signal.SIGINT)
     status, _ = run.finish()
     run.wait_until_gone()
     assert status == 130
-    assert read(run.folder).summary.outcome is Outcome.STOPPED
+    assert read(run.folder, trust=True).summary.outcome is Outcome.STOPPED
 
 
 def test_another_process_takes_the_place_of_one_that_died(phalanx) -> None:
