@@ -57,7 +57,7 @@ def _run(
     membership: Membership,
     options: RunOptions,
 ) -> Summary:
-    programs = _programs(scenario, folder, options)
+    programs, may_lose_agents = _programs(scenario, folder, options), _may_lose(scenario, options)
     try:
         processes.start(membership, programs, folder / "logs")
     except OSError as error:
@@ -68,11 +68,11 @@ def _run(
             _status_handled(scenario, membership, processes, options.progress),
         ):
             options.announce(folder)
-            processes.wait_for_plant(_may_lose_agents(scenario, options))
+            processes.wait_for_plant(may_lose_agents)
     finally:
         processes.end()
     summary = _verdict(folder, processes)
-    failure = processes.first_failure()
+    failure = processes.first_failure(may_lose_agents)
     if summary is None:
         raise EngineError(
             failure or f"the plant ended without a verdict: see {folder / 'logs' / 'plant.log'}"
@@ -101,7 +101,7 @@ def _require_alone(scenario: Scenario) -> None:
             )
 
 
-def _may_lose_agents(scenario: Scenario, options: RunOptions) -> bool:
+def _may_lose(scenario: Scenario, options: RunOptions) -> bool:
     """Return whether an agent's process may be killed without ending the run."""
     commanded = bool(options.commands.secret or options.commands.schedule)
     in_real_time = options.real_time is not None

@@ -165,14 +165,16 @@ class Processes(contextlib.AbstractContextManager["Processes"]):
                     raise
                 stop_requested = math.inf if second else min(stop_requested, time.monotonic())
 
-    def first_failure(self) -> str:
+    def first_failure(self, may_lose_agents: bool) -> str:
         """Describe the first program that died, how, and its last line; empty if none died.
 
-        Programs that `end` killed do not count.
+        Programs that `end` killed do not count, nor agents that may be killed.
         """
         for name, program in self._programs.items():
             code = self._exits.get(name)
             if code is None or code in _VERDICTS or name in self._killed:
+                continue
+            if code < 0 and may_lose_agents and name != PLANT:
                 continue
             return self._failure(program.title, code, f"{name}.log", name == PLANT)
         if self._server.exitcode:

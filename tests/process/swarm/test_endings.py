@@ -284,6 +284,20 @@ def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, mon
     assert f"{module}, line 12" in said
 
 
+def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_path, monkeypatch):
+    (tmp_path / "faulty_law.py").write_text(FAULTY_LAW)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    kill = 'faults=[{ kind = "kill", at = 0.005, agents = ["1"] }]'
+    law = 'agents.1.law={ type = "faulty_law:Faulty" }'
+    run = phalanx("run", "unicycles", "--set", kill, "--set", law)
+    status, output = run.finish()
+    run.wait_until_gone()
+    assert status == 3
+    assert "Faulty.input raised RuntimeError: no such sensor" in " ".join(output.split())
+    assert "phx-agent-1 died" not in output
+    assert any(line.text.startswith("agent 1 killed") for line in read(run.folder, trust=True).log)
+
+
 def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
     phalanx, tmp_path, monkeypatch
 ):
