@@ -7,11 +7,11 @@ from typing import Any
 import msgpack
 
 from phalanx.wire.keys import PLANT
-from phalanx.wire.liveliness import watch
+from phalanx.wire.liveliness import is_announced, watch
 from phalanx.wire.membership import Membership
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import SEAL_BYTES
-from phalanx.wire.session import open_client
+from phalanx.wire.session import HubError, open_client
 
 
 def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
@@ -25,14 +25,18 @@ def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
         kind: of the messages, as in their key expressions; "*" for all.
 
     Raises:
-        HubError: the hub cannot be reached.
+        HubError: the hub cannot be reached, or no such run is there.
     """
-    keys = membership.keys
+    keys, timeout = membership.keys, membership.timeout
     arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
-    with open_client(membership.endpoint, membership.timeout, membership.credentials) as session:
+    with open_client(membership.endpoint, timeout, membership.credentials) as session:
         for every in keys.to_viewers if kind == "*" else (keys.seen(kind),):
             subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
+        # After the watch: a plant that leaves meanwhile is missed by one of the two at most.
+        if not is_announced(session, keys.alive(PLANT), timeout):
+            where = f"at {membership.endpoint} within {timeout:.3g} s"
+            raise HubError(f"no run {membership.run} {where}: is that its name?")
         while (message := arrived.get()) is not None:
             key, payload = message
             yield keys.original(key), decoded(payload)

@@ -4,16 +4,23 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from phalanx.faults.commands import CommandPolicy
+from phalanx.identities import access_control
 from phalanx.scenario.load import load
+from phalanx.wire.credentials import Admission
+from phalanx.wire.keys import VIEWER
+from phalanx.wire.membership import Membership
 from phalanx.wire.messages import VERSION
+from phalanx.wire.session import HubError, free_endpoint, open_hub
+from phalanx.wire.tap import tapped
 from tests.process.runs import COMMAND_SECRET, SECRET, live_run, wait_for
 
-pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
+pytestmark = pytest.mark.swarm
 
 
 SLOW = CommandPolicy(secret=COMMAND_SECRET, speed=0.05)
@@ -26,6 +33,7 @@ def tap(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=170, env=environment)
 
 
+@pytest.mark.nightly
 def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
     scenario = load("unicycles", {"duration": 3.0})
     with live_run(scenario, tmp_path / "live", SLOW) as run:
@@ -54,8 +62,17 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
     assert {len(fields) for _, fields in heard} == {4}, "version, k, t_apply, u and nothing else"
 
 
+@pytest.mark.nightly
 def test_tap_says_where_no_run_goes_on(tmp_path: Path):
     done = tap(str(tmp_path))
     assert done.returncode == 64
     assert "no live run" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.timeout(60)
+def test_a_tap_of_a_run_that_the_hub_does_not_know_ends() -> None:
+    there = Membership("somebody", free_endpoint(), timeout=0.5)
+    hub = Admission({VIEWER: there.password_of(VIEWER)}, access_control(there.keys, {}, ()))
+    with open_hub(there.endpoint, hub), pytest.raises(HubError, match=r"no run nobody at tcp/127"):
+        next(tapped(replace(there, run="nobody")))
