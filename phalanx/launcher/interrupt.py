@@ -66,11 +66,11 @@ def handled() -> Iterator[None]:
 def deferred() -> Iterator[None]:
     """Let no Ctrl-C raise during the block, except in raise_pending."""
     global _deferred
-    _deferred = True
+    before, _deferred = _deferred, True
     try:
         yield
     finally:
-        _deferred = False
+        _deferred = before
 
 
 class NotDeferred(contextlib.ContextDecorator):

@@ -43,6 +43,15 @@ def test_held_back_it_is_raised_where_it_is_asked_for() -> None:
         press()
 
 
+def test_held_back_twice_it_stays_so_until_both_are_over() -> None:
+    with interrupt.deferred():
+        with interrupt.deferred():
+            pass
+        press()
+    with pytest.raises(KeyboardInterrupt):
+        press()
+
+
 def test_who_was_started_in_the_background_goes_on() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     interrupt.install()
