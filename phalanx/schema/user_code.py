@@ -12,6 +12,7 @@ import importlib.util
 import sys
 from collections.abc import Iterator
 from contextvars import ContextVar
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def import_named(name: str) -> Any:
         if here not in sys.path:
             sys.path.append(here)
         try:
-            _imported[name] = getattr(importlib.import_module(module), attribute)
+            _imported[name] = attrgetter(attribute)(importlib.import_module(module))
         except Exception as error:  # a user's module may raise anything while it is imported
             reason, hint = f"{type(error).__name__}: {error}", _hint(module, attribute)
             raise ValueError(f"cannot be imported ({reason}){hint}") from error

@@ -72,6 +72,12 @@ class Rest:
         return np.zeros(self.m)
 
 
+class Pool:
+    @dataclass
+    class Float(Rest):
+        """Within another class."""
+
+
 class Plain(SingleIntegrator):
     def __init__(self):
         pass
@@ -179,6 +185,13 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
     assert isinstance(dynamics, Dynamics)
     assert (type(dynamics).__name__, dynamics.speed, dynamics.current) == ("Swimmer", 2.0, 0.7)
     assert build_rows(swarm).chain.relative_degree == 1
+
+
+def test_a_class_within_another_is_named_by_both(own):
+    scenario = load("own.toml", ["agents.0.law.type=swimming_user:Pool.Float"])
+    law = scenario.agents[0].law_object()
+    assert type(law).__name__ == "Float"
+    assert load("own.toml", {"agents.0.law": law}).agents[0].law == scenario.agents[0].law
 
 
 @pytest.mark.parametrize(
