@@ -75,7 +75,9 @@ def load(
         set_field(table, path, value)
     if seed is not None:
         table["seed"] = seed
-    return validate(table, where).model_copy(update={"reading": reading_of(where, overrides)})
+    # No command can read a table.
+    reading = None if isinstance(source, Mapping) else reading_of(where, overrides)
+    return validate(table, where).model_copy(update={"reading": reading})
 
 
 def reading_of(source: str, overrides: Mapping[str, Any]) -> Reading:
@@ -263,7 +265,9 @@ def inline(value: Any) -> str:
         return f"{{ {items} }}" if items else "{}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(inline, value)) + "]"
-    return json.dumps(value) if isinstance(value, str | bool) else str(value)
+    if isinstance(value, str):
+        return _quoted(value)
+    return json.dumps(value) if isinstance(value, bool) else str(value)
 
 
 def _lines(table: Mapping[str, Any]) -> str:
@@ -277,4 +281,9 @@ def _tables(value: Any) -> bool:
 
 
 def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else json.dumps(key)
+    return key if _BARE.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    # Unlike JSON, TOML has neither pairs of surrogates nor a bare DEL.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

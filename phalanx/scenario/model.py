@@ -163,7 +163,7 @@ class Scenario(Strict):
     """The knobs of a search for attacks (`phalanx attack`); a run does not use them."""
 
     reading: Reading | None = None
-    """None if the scenario was not read by load."""
+    """None if load did not read the scenario from a file."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

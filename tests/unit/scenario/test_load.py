@@ -10,9 +10,13 @@ from phalanx.scenario.load import (
     digest,
     field_and_value,
     from_json,
+    inline,
     load,
+    read_table,
+    scenario_text,
     set_field,
     to_json,
+    value_from,
 )
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.margin import MarginConstants
@@ -125,6 +129,20 @@ def test_set_takes_toml_values():
     assert table["e"] == {"f": {"g": 1.5}}
     assert table["i"] == ""
     assert table["j"] == 0.5
+
+
+@pytest.mark.parametrize(
+    "text", ["drone \U0001f681", "é", 'a "b" \\', "\x7f", "\x00\n\t", "\u2028"]
+)
+def test_every_text_is_read_again_from_its_toml(text):
+    table = {"value": text, "inside": {text: [text]}}
+    assert tomllib.loads(scenario_text(table)) == table
+    assert value_from(inline(text)) == text
+
+
+def test_no_command_repeats_a_scenario_that_is_a_table():
+    assert load("unicycles").reading.command(0) == "phalanx run unicycles --seed 0"
+    assert load(read_table("unicycles"), {"duration": 1.0}).reading is None
 
 
 def test_set_can_turn_the_margin_into_constants_and_back():
