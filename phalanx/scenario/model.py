@@ -167,19 +167,18 @@ class Scenario(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        # Before any work for each agent, or each pair.
+        if (size := sum(group.size for group in self.agents)) > MAX_AGENTS:
+            raise field_error(("agents",), f"expected at most {MAX_AGENTS} agents", size)
         names = [name for group in self.named() for name in group.names]
-        for name in names:
-            if names.count(name) > 1:
-                raise field_error(
-                    ("agents",), f"expected every name once, got {name!r} twice", names
-                )
+        name, number = Counter(names).most_common(1)[0]
+        if number > 1:
+            raise field_error(("agents",), f"expected every name once, got {name!r} twice", names)
         joined = any("-" in name for name in names)
         pairs = Counter(f"{a}-{b}" for a, b in combinations(names, 2) if joined)
         if doubled := [label for label, number in pairs.items() if number > 1]:
             message = f"expected names without two pairs that are both called {doubled[0]}"
             raise field_error(("agents",), message, names)
-        if len(names) > MAX_AGENTS:
-            raise field_error(("agents",), f"expected at most {MAX_AGENTS} agents", len(names))
         if all(group.role == "adversary" for group in self.agents):
             raise field_error(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):

@@ -81,6 +81,12 @@ def test_every_flow_moves_as_a_whole_along_its_axis():
     assert set(directions) == set(faces)
 
 
+@pytest.mark.timeout(20)
+def test_so_many_agents_that_naming_them_takes_long_are_refused_at_once():
+    with pytest.raises(ScenarioError, match="expected at most 256 agents, got 100002"):
+        load("swarm", {"agents.0.count": 100_000})
+
+
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
