@@ -209,6 +209,7 @@ class Scenario(Strict):
             self._check_axes(index, obstacle)
         for index, link in enumerate(self.network.links):
             link.check_names(names, ("network", "links", index))
+        self._check_workspace()
         self._check_reseed()
         self.fresh_world()
         agents = {name: group.facts for group in self.named() for name in group.names}
@@ -234,6 +235,17 @@ class Scenario(Strict):
                 "without a time.latency: inputs take effect later than agents announce, and that "
                 "would convict honest ones"
             )
+
+    def _check_workspace(self) -> None:
+        each = (state for group in self.agents for state in group.dynamics_object().states)
+        states = tuple(dict.fromkeys(each))
+        for name, (least, largest) in self.workspace.items():
+            if name not in states:
+                message = f"expected bounds of states, {', '.join(states)}"
+                raise field_error(("workspace",), message, name)
+            if not least < largest:
+                message = "expected the least value first, then the largest"
+                raise field_error(("workspace", name), message, [least, largest])
 
     def _check_reseed(self) -> None:
         before = 0.0

@@ -301,6 +301,14 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace("slots = [2, 3]", "start = [[0.0, 1.0, 0.0], [1.0]]"),
         ["agents.1.start: expected 3 components", "(1.0,)"],
     ),
+    "a workspace of a state that no agent has": (
+        replace("[[obstacles]]", "[workspace]\nz = [0.0, 1.0]\n\n[[obstacles]]"),
+        ["workspace: expected bounds of states, x, y, theta, got 'z'"],
+    ),
+    "a workspace from its end to its beginning": (
+        replace("[[obstacles]]", "[workspace]\nx = [50.0, -50.0]\n\n[[obstacles]]"),
+        ["workspace.x: expected the least value first, then the largest, got [50.0, -50.0]"],
+    ),
     "negative disturbance": (
         replace("bound = 1.73", "bound = -1.73"),
         ["agents.0.disturbance.bound: expected greater than or equal to 0", "got -1.73"],
