@@ -126,6 +126,7 @@ def run(
         resolved = phalanx.load(scenario, [*(overrides or ()), "world.dry_run=true"], seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
+    from phalanx.recording.write import RecordingError
 
     if agents_per_process > 1 and (commands or not ENGINES[engine].hub):
         raise typer.BadParameter("--agents-per-process: expected no --commands or other engine")
@@ -151,7 +152,7 @@ def run(
                     real_time=real_time,
                     agents_per_process=agents_per_process,
                 )
-        except phalanx.EngineError as error:
+        except (phalanx.EngineError, RecordingError) as error:
             echo_error(f"broken: {error}")
             return 3
         except ConnectionError as error:

@@ -245,6 +245,15 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     assert recording.steps
 
 
+def test_a_disk_without_room_for_a_recording_breaks_a_run_in_one_process(phalanx):
+    no_room = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (0, 0))
+    status, output = phalanx("run", "one-on-one", "--engine", "in-process", limit=no_room).finish()
+    assert status == 3, output
+    assert output.startswith("broken: ")
+    assert "recording.mcap" in output
+    assert len(output.splitlines()) == 1
+
+
 def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
     """The limit of a file's size is 0, so that no folder is usable."""
     run = phalanx(
