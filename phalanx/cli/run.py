@@ -72,6 +72,7 @@ Port = Annotated[
 
 
 def run(
+    context: typer.Context,
     scenario: ScenarioArgument,
     seed: Seed = None,
     overrides: Overrides = None,
@@ -106,9 +107,13 @@ def run(
       phalanx run formation3d --profile --no-report
       phalanx run unicycles --real-time --set time.latency=0.005
     """
-    if not ENGINES[engine].hub and (view or listen or secret or real_time or speed):
-        names = "--view, --listen, --secret-file, --real-time or --speed"
-        raise typer.BadParameter(f"--engine {engine}: expected no {names}")
+    if not ENGINES[engine].hub:
+        # The environment may be meant for programs that have one.
+        secret = secret if _is_option(context, "secret") else ""
+        real_time = real_time if _is_option(context, "real_time") else None
+        if view or listen or secret or real_time or speed:
+            names = "--view, --listen, --secret-file, --real-time or --speed"
+            raise typer.BadParameter(f"--engine {engine}: expected no {names}")
     if listen is not None:
         require_here(listen, insecure, "--insecure; phalanx plant has --keys")
     # Under a limit of memory this process loads the libraries first, to report their failure.
@@ -170,6 +175,12 @@ def run(
         if page:
             _wait_for(page)
     return exit_status(outcome, strict)
+
+
+def _is_option(context: typer.Context, name: str) -> bool:
+    """Return whether a value is from the command line, not a default or from the environment."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
 
 
 def _page(port: int | None, command_secret: bytes) -> Any:

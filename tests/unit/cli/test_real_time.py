@@ -45,3 +45,11 @@ def test_on_its_own_it_counts_as_given(capsys) -> None:
     asked = ["run", "unicycles", "--real-time", "--engine", "in-process"]
     assert status(asked) == USAGE_ERROR
     assert "expected no --view" in capsys.readouterr().err
+
+
+def test_from_the_environment_it_is_for_engines_that_have_a_hub(tmp_path, monkeypatch) -> None:
+    """And so are secrets."""
+    monkeypatch.setenv("PHALANX_REAL_TIME", "1")
+    monkeypatch.setenv("PHALANX_SECRET", "s")
+    asked = ["run", "one-on-one", "--engine", "in-process", "--set", "duration=0.1"]
+    assert status([*asked, "--no-report", "--out", str(tmp_path)]) == 0
