@@ -193,11 +193,12 @@ class Processes(contextlib.AbstractContextManager["Processes"]):
         if self._reporting:
             self._end_server()
         self._server.join()
-        for name in self._killed:
-            # The fork server does it, unless it was killed itself.
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pids[name], signal.SIGKILL)
-        self._pids.clear()  # the system may reuse them
+        if (self._server.exitcode or 0) < 0:
+            # The fork server does it, unless it was killed itself; the system may then reuse pids.
+            for name in self._killed:
+                with contextlib.suppress(OSError):
+                    os.kill(self._pids[name], signal.SIGKILL)
+        self._pids.clear()  # likewise
 
     def _end_server(self) -> None:
         """Let the fork server kill all that it has forked, and end."""

@@ -1,15 +1,18 @@
 """The process that forks the programs: they inherit from it, and do not depend on it."""
 
+import os
 import resource
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
+from phalanx.scenario.load import load
 from phalanx.wire.liveliness import announce
 from phalanx.wire.session import HubError, free_endpoint, open_hub, open_member
-from tests.process.runs import wait_for
+from tests.process.runs import live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -40,6 +43,23 @@ def test_a_run_goes_on_to_its_verdict_without_the_fork_server(phalanx):
     assert status == 0, output
     assert output.splitlines()[-1].startswith(("guaranteed", "safe"))
     run.wait_until_gone()
+
+
+def test_a_program_that_does_not_leave_is_killed_by_the_process_that_forked_it_alone(
+    tmp_path, monkeypatch
+):
+    """By the time the launcher could do it, its pid may be another program's."""
+    kill, sent = os.kill, []
+    monkeypatch.setattr(os, "kill", lambda *of: sent.append(of) or kill(*of))
+    with live_run(load("one-on-one", {"duration": 500.0}), tmp_path / "run") as run:
+        wait_for(lambda: run.status is not None and run.status.steps > 0)
+        started = psutil.Process().children(recursive=True)
+        (agent,) = (process for process in started if process.name() == "phx-agent-1")
+        agent.suspend()
+        run.stop()
+    wait_for(lambda: not psutil.pid_exists(agent.pid) or agent.status() == psutil.STATUS_ZOMBIE)
+    assert (agent.pid, signal.SIGSTOP) in sent
+    assert (agent.pid, signal.SIGKILL) not in sent
 
 
 def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(phalanx):
