@@ -118,7 +118,7 @@ def test_an_agent_that_dies_is_lost_and_the_run_goes_on(
     def steps_without_it() -> int:
         found = read(run.folder, trust=True)
         lost = [line.t for line in found.log if line.text.startswith("agent 2 is lost")]
-        # Longer than the plant has to notice a failure, of which it is told too.
+        # Longer than the plant has to notice a failure, which the launcher tells it too.
         later = lost[0] + 2.0 if lost else math.inf
         return sum(step.agent == "1" and step.t > later for step in found.steps)
 

@@ -25,7 +25,7 @@ def test_a_wait_ends_when_its_time_has_passed(monkeypatch):
 
 
 def test_time_in_which_the_plant_was_stopped_does_not_count(monkeypatch):
-    """As by Ctrl-Z: answers that were sent meanwhile are still to be read."""
+    """Ctrl-Z does that; answers that were sent meanwhile are still to be read."""
     assert polls([5.0, 5.2, 905.2, 905.4], 1.0, monkeypatch) == [False, False, False]
 
 
