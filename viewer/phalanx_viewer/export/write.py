@@ -79,13 +79,17 @@ def run(
 
 def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
     """Write the document; `progress` is called with texts such as "scene, t = 1.00 of 2.00 s"."""
-    scene, summary = _scene(replay, progress), replay.summary
+    begin = float(replay.times[0])
+    count = int(np.clip((replay.end - begin) / _FRAME_PERIOD, 1, _FRAMES)) + 1
+    times: list[float] = np.linspace(begin, replay.end, count).tolist()
+    scene, summary = _scene(replay, times, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
     player = files("phalanx.compat").joinpath("viser_player.js").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
         "verdict": ": ".join(verdict),
         "content": content(replay, range(len(replay.model.names)), seekable=True),
+        "times": times,
     }
     # A tag or a comment in the data could end the element that holds them.
     shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
@@ -95,8 +99,8 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     return scene[:end] + parts + scene[end:]
 
 
-def _scene(replay: Replay, progress: Callable[[str], None]) -> str:
-    """The scene as HTML, with viser's player."""
+def _scene(replay: Replay, times: list[float], progress: Callable[[str], None]) -> str:
+    """The scene at these times [s] as HTML, with viser's player."""
     # viser has no scene without a server, and records what that sends. This one admits no page.
     server = SceneServer("127.0.0.1", 0, replay.model.scenario.name)
     try:
@@ -104,9 +108,6 @@ def _scene(replay: Replay, progress: Callable[[str], None]) -> str:
         scene.expect(replay.history.trajectory)
         scene.show(Picture(replay.model, replay.frame(replay.t)), None)
         film = server.get_scene_serializer()
-        begin = float(replay.times[0])
-        count = int(np.clip((replay.end - begin) / _FRAME_PERIOD, 1, _FRAMES)) + 1
-        times = np.linspace(begin, replay.end, count).tolist()
         for t, following in zip(times, [*times[1:], times[-1]], strict=True):
             scene.show(Picture(replay.model, replay.frame(t)), None)
             scene.lines.show_recent_paths(replay.recent_paths(t))
