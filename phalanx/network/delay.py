@@ -11,14 +11,12 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Lt
 
 from phalanx.arrays import Array
-from phalanx.network.loss import NonNegative, Probability
 from phalanx.network.rule import BASIC, DELIVER, DROP, Copy, Message, Treatment, delay
+from phalanx.schema.fields import NonNegative, Positive, Probability
 from phalanx.theory.expressions import exponential
-
-Positive = Annotated[float, Gt(0)]
 
 _ROUNDING = 1e-6
 """Tolerance of a queue's length, in messages."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from annotated_types import Ge, Le, Lt
+from annotated_types import Ge, Lt
 
 from phalanx.arrays import Array, Mask
 from phalanx.network.rule import (
@@ -15,9 +15,7 @@ from phalanx.network.rule import (
     Message,
     Treatment,
 )
-
-NonNegative = Annotated[float, Ge(0)]
-Probability = Annotated[float, Ge(0), Le(1)]
+from phalanx.schema.fields import NonNegative, Probability
 
 
 @dataclass(frozen=True)

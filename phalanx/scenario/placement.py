@@ -5,17 +5,15 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
 from phalanx.arrays import Array
+from phalanx.schema.fields import NonNegative, Positive
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.laws.goals import Goal, Sight
 from phalanx.theory.safety.obstacles import Sphere
-
-Positive = Annotated[float, Gt(0)]
-NonNegative = Annotated[float, Ge(0)]
 
 _ATTEMPTS_FOR_EACH = 100
 _ATTEMPTS = 10_000

@@ -97,6 +97,7 @@ def test_so_many_agents_that_naming_them_takes_long_are_refused_at_once():
         ({"agents.0.count": 300}, "agents: expected at most 256 agents, got 302"),
         ({"agents.0.start": [[0.0] * 6]}, "agents.0.start: expected one for each of the 14 agents"),
         ({"flows.room": -1.0}, "flows.room: expected greater than 0, got -1.0"),
+        ({"flows.room": "9.0"}, "flows.room: expected a valid number, got '9.0'"),
         ({"flows.apart": 50.0}, "flows: no room for 18 agents and obstacles 50 m apart; found 1: "),
         (
             {"agents.1.dynamics.dimension": 2},

@@ -173,6 +173,10 @@ def test_the_seed_option_outranks_set():
         ("network.los=0.3", ["network.los: unknown field", "0.3"]),
         ("network.loss=1.3", ["network.loss: expected less than or equal to 1", "got 1.3"]),
         ("network.loss=often", ["network.loss: expected a valid number", "got 'often'"]),
+        (
+            "network.delay={ low = '0.001', high = 0.02 }",
+            ["network.delay.low: expected a valid number", "got '0.001'"],
+        ),
         ("safety.information=all", ["safety.information", "'paper'", "'split'", "got 'all'"]),
     ],
 )
