@@ -48,7 +48,7 @@ def test_a_run_goes_on_to_its_verdict_without_the_fork_server(phalanx):
 def test_a_program_that_does_not_leave_is_killed_by_the_process_that_forked_it_alone(
     tmp_path, monkeypatch
 ):
-    """By the time the launcher could do it, its pid may be another program's."""
+    """Later its pid may be that of another program."""
     kill, sent = os.kill, []
     monkeypatch.setattr(os, "kill", lambda *of: sent.append(of) or kill(*of))
     with live_run(load("one-on-one", {"duration": 500.0}), tmp_path / "run") as run:

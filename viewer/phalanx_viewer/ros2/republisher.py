@@ -37,7 +37,7 @@ def publish(feed: Feed, router: str, name: NodeName, timeout: float) -> int:
         republisher = Republisher(node, name.namespace, feed)
         log.info("ROS 2 node %s/%s in domain %d", name.namespace, name.name, name.domain)
         if isinstance(feed, Replay):
-            feed.play(True)  # not before: nobody would see what it plays until the node has joined
+            feed.play(True)  # not before: what it plays is lost until the node has joined
         keep_up(republisher.tick, lambda: _over(feed) or stop_requested())
         if _over(feed):
             republisher.finish()
