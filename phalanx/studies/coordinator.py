@@ -79,7 +79,8 @@ class _PointState:
         if width is not None and not self._narrow and self._known >= self._next_look:
             # Each look costs as much as there are runs; the table of rows finds the exact one.
             self._next_look = self._known + 1 + self._known // 50
-            violated = [each == Outcome.VIOLATED for each in self._outcomes[: self._known]]
+            known = [each for each in self._outcomes[: self._known] if each != REFUSED]
+            violated = [each == Outcome.VIOLATED for each in known]
             self._narrow = runs_until_width(violated, width) is not None
         return self._narrow
 

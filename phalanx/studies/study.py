@@ -28,7 +28,7 @@ from phalanx.studies.coordinator import Coordinator, Options, Progress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
 from phalanx.studies.progress import shown
-from phalanx.studies.row import counted, json_text
+from phalanx.studies.row import REFUSED, counted, json_text
 from phalanx.studies.store import PLAN, Store
 
 
@@ -195,8 +195,10 @@ class Study:
             # Up to the first gap, which an unfinished study has: long runs end late.
             places = (rows["index"] % seeds).to_list()
             whole = rows.head(sum(place == n for n, place in enumerate(places)))
-            violated = (whole["outcome"] == Outcome.VIOLATED).to_list()
-            kept.append(whole.head(runs_until_width(violated, self.plan.until_width) or len(whole)))
+            began = (whole["outcome"] != REFUSED).arg_true().to_list()
+            violated = (whole["outcome"][began] == Outcome.VIOLATED).to_list()
+            enough = runs_until_width(violated, self.plan.until_width)
+            kept.append(whole.head(len(whole) if enough is None else began[enough - 1] + 1))
         return pl.concat(kept) if kept else frame
 
     @property
