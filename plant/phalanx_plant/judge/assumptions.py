@@ -77,6 +77,8 @@ class Assumptions:
         self._filtered = any(swarm.groups[i].controller is None for i in swarm.normal)
         """Whether some agent has rows, as the paper's filter has and other controllers have not."""
         self._latency = swarm.time.latency
+        self._sampling = set(swarm.normal)
+        """Agents whose samples may not be late: normal ones that did not turn."""
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
         self._parts = swarm.safe_set.parts
@@ -163,26 +165,32 @@ class Assumptions:
     def reached(self, event: StateReached) -> None:
         """Check the actuators that have held zero since t = 0, and store the state.
 
-        At the end of the run also how long ago each agent's last sample was.
+        At the end of the run also how long ago each normal agent's last sample was.
         """
         if event.t > 0.0:
             for i, zero in self._at_zero.items():
                 self._inputs.check(self._actuators.takes(i, self._x[self._parts[i]], zero), 0.0)
         self._x = event.x
         if event.t >= self._swarm.scenario.duration:
-            for i, longest in enumerate(self._longest_gap):
-                last, _ = self._sampled.get(i, (0.0, event.x))
-                self._gap.check(event.t - last <= longest, event.t)
+            for i in self._sampling:
+                self._check_gap(i, event.t)
 
     def sampled(self, event: Sampled) -> None:
-        """Check a sample's truth, and the gap since the agent's previous one."""
+        """Check a normal agent's sample: its truth, and the gap since the previous one."""
         i, t = event.i, event.t
         if i in self._swarm.normal:
             self._truthful.check(event.truthful, t)
-        if t > 0.0:
-            last, _ = self._sampled.get(i, (0.0, self._x))
-            self._gap.check(t - last <= self._longest_gap[i], t)
+        if i in self._sampling and t > 0.0:
+            self._check_gap(i, t)
         self._sampled[i] = t, self._x
+
+    def _check_gap(self, i: int, t: float) -> None:
+        last, _ = self._sampled.get(i, (0.0, self._x))
+        self._gap.check(t - last <= self._longest_gap[i], t)
+
+    def turned(self, i: int) -> None:
+        """Record that agent i is an adversary from now on: when it samples matters to none."""
+        self._sampling.discard(i)
 
     def fell_silent(self, i: int, t: float) -> None:
         """Record that agent i neither samples nor answers from t [s] on."""

@@ -212,6 +212,7 @@ class Judge:
         Two adversaries are no pair of the safe set from the start either.
         """
         self._turned.setdefault(i, t)
+        self.assumptions.turned(i)
         normal = set(self._swarm.normal) - self._turned.keys()
         pairs = enumerate(self._swarm.safe_set.pairs)
         apart = np.array([k for k, p in pairs if not {p.a, p.b} & normal], dtype=np.intp)
