@@ -133,15 +133,15 @@ class ProvenFilter:
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply, and for how long it is proven safe."""
-        found = self._proven_input(now)
+        filtered, near = self._first(now), self.proofs.near(now)
+        if near is None:
+            found = _proven(filtered, self._own.longest)
+        else:
+            found = self._proven_input(now, filtered, near)
         return _proven(found, 0.0) if self.proofs.unprovable_in_sight else found
 
-    def _proven_input(self, now: FilterInput) -> Filtered:
+    def _proven_input(self, now: FilterInput, filtered: Filtered, near: Near) -> Filtered:
         """Prove the first filter's input, or take another, as far as pairs can be proven."""
-        filtered = self._first(now)
-        near = self.proofs.near(now)
-        if near is None:
-            return _proven(filtered, self._own.longest)
         if near.unsafe.any():
             return _proven(filtered, 0.0)
         (times,) = self.proofs.times(now, near, [filtered.decision.u])
