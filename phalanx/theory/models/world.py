@@ -122,4 +122,4 @@ def advanced(
         shape = len(t), len(agent.dynamics.states)
         if x[agent.name].shape != shape:
             raise mistaken(f"shape {x[agent.name].shape} for agent {agent.name}, not {shape}")
-    return WorldStates(t, x, found.notes)
+    return WorldStates(t, x, getattr(found, "notes", ()))

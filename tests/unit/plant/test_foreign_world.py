@@ -1,5 +1,7 @@
 """Worlds of other laws than the declared ones: their protocol, and what the judge makes of them."""
 
+from types import SimpleNamespace
+
 import pytest
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.world.foreign import ForeignIntegration
@@ -9,7 +11,7 @@ import phalanx
 from phalanx.extend import WorldAgent
 from phalanx.testing import WorldMistakeError, check_world
 from phalanx.theory.expressions.user_methods import MistakenMethodError
-from phalanx.theory.models.world import WorldError
+from phalanx.theory.models.world import WorldError, advanced
 from tests.layers import layered
 from tests.unit.plant import worlds
 from tests.unit.swarms import rows_of_scenario
@@ -29,6 +31,17 @@ def robots(name="unicycles"):
 )
 def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
+
+
+class Terse:
+    """A world that returns times and states, and no notes."""
+
+    def advance(self, until):
+        return SimpleNamespace(t=[until], x={})
+
+
+def test_a_world_without_notes_says_that_nothing_else_happened():
+    assert advanced(Terse(), [], 0.0, 0.001, step=0.001).notes == ()
 
 
 @pytest.mark.parametrize("world", [worlds.Unicycles, worlds.Slippery])
