@@ -93,7 +93,7 @@ def logged(run: phalanx.Run, text: str) -> bool:
 
 EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "actuator": lambda run: failed(run, "inputs in time") == 10,
-    "at-random": lambda run: failed(run, "sampling gap") > 8,
+    "at-random": lambda run: failed(run, "sampling gap") > 4,
     "burst": lambda run: longest_run_of_losses(run) >= 5,
     "clock": lambda run: longest_gap(run, "1") > 0.06 and longest_gap(run, "2") > 0.024,
     "corrupt": lambda run: sum(run.summary.rejected.values()) > 20,
