@@ -37,7 +37,7 @@ class OwnProofs:
         swarm = rows.swarm
         self._certificates, self._needed = swarm.once(SwarmCertificates), longest
         self.own = own = self._certificates.of(i)
-        self.others, self._others = own.others, own.others.tolist()
+        self.others = own.others
         self.agents = len(swarm.members)
         self._seen: tuple[int, ...] = ()
         self._in_sight = np.zeros(len(own.pairs), dtype=bool)
@@ -65,7 +65,7 @@ class OwnProofs:
         if now.seen != self._seen:
             self._seen, around = now.seen, {*now.seen}
             # For few numbers np.isin takes ten times as long.
-            each = [l in around or l >= self.agents for l in self._others]
+            each = [l in around or l >= self.agents for l in self.others.tolist()]
             known = np.array(each, dtype=bool)
             self._in_sight = known & self.own.provable
             self.unprovable_in_sight = bool((known & ~self.own.provable).any())

@@ -123,7 +123,8 @@ class SwarmEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         rise, self._peak = peak - self._peak, peak
         if broken := peak > 0.0:
             h = peak
-            self.summary = self.summary if over else trunk.stop()
+            if not over:
+                self.summary = trunk.stop()
         observed, infos = self._observed(trunk), self._infos(trunk, h)
         if ended := over or broken:
             for info in infos.values():
