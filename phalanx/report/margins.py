@@ -35,7 +35,7 @@ class MarginUse(NamedTuple):
 
     @property
     def share(self) -> Array:
-        """The margin used, in multiples of what is needed; inf where none is needed."""
+        """The margin used over the one needed, shape (s,); inf where none is needed."""
         share: Array = np.full(len(self.t), np.inf)
         np.divide(self.used, self.needed, out=share, where=self.needed > 0.0)
         return share

@@ -106,7 +106,10 @@ def _draw_lines(scene: viser.SceneApi, name: str, segments: Array, pixels: float
 
 
 def wall_panels(model: SceneModel, middle: Array, reach: float) -> Iterator[tuple[Array, Array]]:
-    """Yield each wall's panel, and its normal, unless the others leave no room for it."""
+    """Yield each wall's corners [m], shape (k, 3), and normal, shape (3,).
+
+    None of a wall for which the others leave no room.
+    """
     walls = [(normal, float(normal @ point)) for point, normal in model.static.walls]
     for wall in walls:
         others = [other for other in walls if other is not wall]
