@@ -6,13 +6,20 @@
 (() => {
   const bar = () => document.querySelector("#root div:has(> .mantine-Slider-root)");
   const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  // A field that loses the focus sets the time that it shows, rounded to 0.1 s, if React notices.
+  const hide = event => event.stopPropagation();
   window.viserPlayer = {
     playing: true,
     seek(t) {
       const field = bar().querySelector("input");
-      setValue.call(field, String(t));
-      field.dispatchEvent(new Event("input", { bubbles: true }));
-      field.blur();  // it takes the focus, and would then take the keys
+      // React ignores a text that the field has already; empty text sets no time.
+      for (const text of ["", t.toFixed(6)]) {
+        setValue.call(field, text);
+        field.dispatchEvent(new Event("input", { bubbles: true }));
+      }
+      // The field takes the focus, and would then take the keys.
+      field.addEventListener("focusout", hide);
+      field.blur();
       this.playing = false;
     },
     play(playing) { bar().querySelector("button").click(); this.playing = playing; },

@@ -52,7 +52,7 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     offline.get_by_text("Control step [ms], agent 5").wait_for()
     offline.keyboard.press("Home")
     wait_for(lambda: slider.get_attribute("aria-valuenow") == "0")
-    for key, frame in ((".", 1), (".", 2), (",", 1), (",", 0)):
+    for key, frame in ((".", 1), (".", 2), (".", 3), (",", 2), ("End", 120), (",", 119)):
         offline.keyboard.press(key)
         at = f"{frame / 30:.3f}"  # a film has a frame each thirtieth of a second
         wait_for(lambda at=at: f"{float(slider.get_attribute('aria-valuenow')):.3f}" == at)

@@ -108,7 +108,8 @@ def _scene(replay: Replay, times: list[float], progress: Callable[[str], None]) 
         scene.expect(replay.history.trajectory)
         scene.show(Picture(replay.model, replay.frame(replay.t)), None)
         film = server.get_scene_serializer()
-        for t, following in zip(times, [*times[1:], times[-1]], strict=True):
+        # viser's player starts again at the end of a film: its last picture must stay before that.
+        for t, following in zip(times, [*times[1:], times[-1] + _FRAME_PERIOD], strict=True):
             scene.show(Picture(replay.model, replay.frame(t)), None)
             scene.lines.show_recent_paths(replay.recent_paths(t))
             film.insert_sleep(following - t)
