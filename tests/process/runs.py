@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import random
 import socket
 import threading
 import time
@@ -132,8 +133,11 @@ def free_port() -> int:
     """Return a port that was not used lately: a browser's tab reconnects to its server's port.
 
     The first free port from the viewer's own on would often be that of an earlier test, or of one
-    in another process, whose tab is still open.
+    in another process, whose tab is still open. The system gives those from 32768 on to whatever
+    connects or listens next, perhaps before the test listens.
     """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    while True:
+        port = random.SystemRandom().randrange(20_000, 32_000)
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind(("127.0.0.1", port))
+            return port
