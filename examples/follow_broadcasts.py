@@ -14,7 +14,7 @@ import sys
 import msgpack
 import zenoh
 
-VERSION = 3
+VERSION = 4
 
 
 def key_of(name: str, secret: str) -> bytes:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from phalanx.profile import Stopwatch
 from phalanx.swarm.watchdog import Watchdog
 from phalanx.wire.keys import kind_and_name
-from phalanx.wire.messages import Sample
+from phalanx.wire.messages import Broadcast, Sample
 from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx_agent.step import Accepted, Answer, ControlStep
 
@@ -65,7 +65,7 @@ class SampleAnswering:
     def on_broadcast(self, key: str, payload: bytes) -> None:
         """Handle another agent's broadcast."""
         try:
-            message = self._sealer.open(key, payload, self._step.broadcast_kind)
+            message = self._sealer.open(key, payload, Broadcast)
             self._step.accept_broadcast(kind_and_name(key)[1], message)
         except Malformed as reason:
             self._drop(key, reason)

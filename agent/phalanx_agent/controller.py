@@ -4,21 +4,19 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol, Self
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
-from phalanx.guarantee.proven_filter import EarnedFilter, OwnProofs, ProvenFilter
+from phalanx.guarantee.proven_filter import ProvenFilter
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.attacks import WorstCase
-from phalanx.theory.laws.goals import Waypoints
 from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
-from phalanx.theory.rows.information import Information, ReceivedInput
+from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput
 from phalanx.wire.step_report import StepReport
 
@@ -64,42 +62,21 @@ class AgentController(Protocol):
         """Return the agent's controller after a command has made it an adversary."""
 
 
-class Trust(Protocol):
-    """An agent's trust in others, with information earned."""
-
-    @property
-    def conviction_takes(self) -> Mapping[int, float]:
-        """The longest time from a betrayal until trust ends, by agent [s]."""
-
-    def trusted(self, t: float) -> frozenset[int]:
-        """Return the agents that are trusted at t [s]."""
-
-
 class DistributedController:
     """An agent's own law, row and QP, as in (QPdistributed); or another controller's input."""
 
-    def __init__(self, rows: SafetyRows, i: int, watch: Trust | None = None) -> None:
-        """Compile agent i's own copy of the theory; watch: of others, if it watches any."""
+    def __init__(self, rows: SafetyRows, i: int) -> None:
+        """Compile agent i's own copy of the theory."""
         self._everything, self._i = rows, i
-        self._watch = watch if rows.swarm.safety.information is Information.EARNED else None
-        self._proofs: list[OwnProofs] = []
         rows = rows.seen_by(i)
         swarm = rows.swarm
         self._members, self._parts = swarm.members, swarm.safe_set.parts
         self._nominal = CheckedInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
-        reference = self._goal.reference
-        self._waypoints = reference if isinstance(reference, Waypoints) else None
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
-        if not swarm.members[i].adversary:
-            if self._watch is not None:
-                takes = self._watch.conviction_takes
-                self._filter = earned = EarnedFilter(rows, i, self._filter, takes)
-                self._proofs.append(earned.proofs)
-            if swarm.safety.prove:
-                self._filter = proven = ProvenFilter(rows, i, self._filter)
-                self._proofs.append(proven.proofs)
+        if swarm.safety.prove and not swarm.members[i].adversary:
+            self._filter = ProvenFilter(rows, i, self._filter)
         self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 
@@ -112,37 +89,9 @@ class DistributedController:
         if self._own is not None:
             decision, notes = self._own(view, u_nom, x, seen, t, received)
             return StepResult(decision, u_nom, [], notes)
-        trusted = self.trusted(t, seen)
-        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received, trusted)
+        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received)
         filtered = self._filter(now)
         return StepResult(filtered.decision, u_nom, filtered.used)
-
-    def trusted(self, t: float, seen: tuple[int, ...]) -> frozenset[int]:
-        """Return the agents in sight that may have a pair split at t [s]."""
-        return self._watch.trusted(t) & set(seen) if self._watch else frozenset()
-
-    @property
-    def memory(self) -> bytes:
-        """The part of earlier samples that the next input depends on, as float64.
-
-        Until when its pairs are quiet, and how many waypoints were reached.
-        """
-        parts = [proofs.memory.tobytes() for proofs in self._proofs]
-        if self._waypoints is not None:
-            parts.append(np.float64(self._waypoints.reached).tobytes())
-        return b"".join(parts)
-
-    @memory.setter
-    def memory(self, kept: bytes) -> None:
-        """Go on from there. Raises ValueError: it is of another size, or not a number."""
-        if len(kept) != len(self.memory):
-            raise ValueError(f"expected {len(self.memory)} bytes, got {len(kept)}")
-        values = np.frombuffer(kept)
-        for proofs in self._proofs:
-            size = len(proofs.memory)
-            proofs.memory, values = values[:size], values[size:]
-        if self._waypoints is not None:
-            self._waypoints.reached = int(values[0])
 
     def _view(self, x: Array, seen: tuple[int, ...], t: float) -> View:
         i, terms = self._i, self._terms(x, seen)

@@ -3,14 +3,12 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import get_args
 
 import numpy as np
 from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
-from phalanx.guarantee.verdict import Proof
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
@@ -22,21 +20,16 @@ from phalanx.swarm.watch import Watch
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.wire.equivocation import Witness, claim_of
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
     LONGEST_FAILURE,
     MAX_BYTES,
     Actuation,
-    AuditedBroadcast,
     Broadcast,
     Sample,
-    SignedBroadcast,
     Telemetry,
 )
 from phalanx.wire.seal import Malformed
-from phalanx.wire.signatures import Signatures
-from phalanx_agent.audits import Audits
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
     AgentController,
@@ -49,10 +42,6 @@ from phalanx_agent.controller import (
 
 _AT_HOME = Membership("in-process", endpoint="")
 """The in-process engine's, which sends nothing but seals what is to be corrupted."""
-
-Convictions = tuple[tuple[int, float, float, float], ...]
-Proofs = tuple[tuple[int, int, Proof], ...]
-"""New convictions by motions, and by what agents signed, as Telemetry has them."""
 
 _FLOAT, _INT, _HEAD = 9, 5, 3
 """Longest encoding of a float, an integer and the beginning of an array in msgpack [bytes]."""
@@ -120,23 +109,9 @@ class ControlStep:
         """Fates that are decided and not yet reported to the plant."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
-        watches = swarm.safety.watches and not swarm.members[i].adversary
+        watches = swarm.safety.watch and not swarm.members[i].adversary
         self._watch = Watch(swarm, i) if watches else None
-        self._witness: Witness | None = None
-        if watches and swarm.safety.evidence:
-            signatures = Signatures(membership, swarm.names, i)
-            senders = {b.i: b for b in swarm.broadcasters.values() if b.i in self._heard}
-            self._witness = Witness(i, senders, signatures)
-        self.broadcast_kind: type[Broadcast] = SignedBroadcast if self._witness else Broadcast
-        """The message that it receives from peers, and sends to them."""
-        own = controller or DistributedController(rows, i, self._watch)
-        self._controller: AgentController = own
-        self.audits: Audits | None = None
-        """Its audits of others, if the run has audits."""
-        if swarm.safety.audit and self._watch and self._witness:
-            assert isinstance(own, DistributedController)  # a centralised one has no evidence
-            self.audits = Audits(rows, i, own, self._watch, self._witness)
-            self.broadcast_kind = AuditedBroadcast
+        self._controller = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Accepted:
         """Validate and decode the next sample. Raises Malformed.
@@ -193,15 +168,8 @@ class ControlStep:
             raise Malformed("from the future")
         if len(message.u) != broadcaster.inputs:
             raise Malformed("wrong size")
-        if self._witness and not self._signed(broadcaster.i, message):
-            raise Malformed("bad signature")
         if not self.inbox.put(broadcaster.i, message, self._clock.now()):
             raise Malformed("out of order")
-
-    def _signed(self, sender: int, message: Broadcast) -> bool:
-        if self._witness is None or not isinstance(message, SignedBroadcast):
-            return False
-        return self._witness.signatures.genuine(claim_of(sender, message))
 
     def __call__(self, accepted: Accepted) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts.
@@ -234,7 +202,9 @@ class ControlStep:
         decided = self._unreported + self._decide_fates(accepted)
         fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
         received = self.inbox.received
-        convictions, proofs = self._convict(sample, x) if self._watch else ((), ())
+        convictions = (
+            self._watch(sample.t, x, sample.seen, self.inbox.delivered) if self._watch else ()
+        )
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -246,10 +216,9 @@ class ControlStep:
                 report=result.report(time.perf_counter() - began),
                 ages=tuple([(l, sample.t - received[l].t_apply) for l in result.used]),
                 fates=fates,
-                rejected=self.rejected + self._refused,
+                rejected=self.rejected,
                 received=self._clock.reported(received),
-                convictions=convictions,
-                proofs=proofs,
+                convictions=tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]),
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
@@ -261,29 +230,9 @@ class ControlStep:
         """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
-    def _convict(self, sample: Sample, x: Array) -> tuple[Convictions, Proofs]:
-        """Return the new convictions by motions and by what agents signed, as in telemetry."""
-        assert self._watch is not None
-        delivered, proofs = self.inbox.delivered, list[tuple[int, int, Proof]]()
-        convictions = self._watch(sample.t, x, sample.seen, delivered)
-        if self._witness is not None:
-            found = [evidence.first for evidence in self._witness.hear(delivered)]
-            self._watch.convicted.update(claim.sender for claim in found)
-            proofs += [(claim.sender, claim.k, "equivocation") for claim in found]
-        if self.audits is not None:
-            audited, contradicted = self.audits(sample, delivered, self.inbox.received)
-            proofs, convictions = [*proofs, *audited], [*convictions, *contradicted]
-        return tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]), tuple(proofs)
-
-    @property
-    def _refused(self) -> int:
-        """Relayed claims and reveals dropped so far."""
-        refused = self._witness.refused if self._witness else 0
-        return refused + (self.audits.auditor.refused if self.audits else 0)
-
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
         if not self._lies.declared:
-            return dict.fromkeys(sample.hearers, self._broadcast(sample.k, truth))
+            return dict.fromkeys(sample.hearers, _broadcast(sample.k, truth))
         past, names = self._past, self.swarm.names
         claims = {
             l: self._lies.claim(
@@ -296,18 +245,7 @@ class ControlStep:
             for l in sample.hearers
         }
         past.append(truth.u)
-        return {l: self._broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
-
-    def _broadcast(self, k: int, claim: Claim) -> Broadcast:
-        """Make the broadcast of a claim, signed if the run has evidence."""
-        if self.audits is not None:
-            return self.audits.auditor.broadcast(k, claim)
-        t_apply, u = claim.t_apply, claim.u
-        if self._witness is None:
-            return Broadcast(k=k, t_apply=t_apply, u=u)
-        signature = self._witness.signatures.sign(k, t_apply, u).signature
-        relayed = self._witness.relay(k)
-        return SignedBroadcast(k=k, t_apply=t_apply, u=u, signature=signature, relayed=relayed)
+        return {l: _broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
 
     def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
         sample, x = accepted.sample, accepted.x
@@ -354,13 +292,16 @@ def control_steps(
     return [ControlStep(rows, i, CentralisedPart(whole, i), membership) for i in rows.swarm.normal]
 
 
+def _broadcast(k: int, claim: Claim) -> Broadcast:
+    return Broadcast(k=k, t_apply=claim.t_apply, u=claim.u)
+
+
 def _most_fates(swarm: Swarm) -> int:
     """Return how many fates fit into a report of MAX_BYTES; after a pause there may be more."""
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
     conviction = _HEAD + _INT + 3 * _FLOAT
-    proof = _HEAD + 2 * _INT + len(max(get_args(Proof), key=len)) + 1
-    each = age + received + conviction + proof
+    each = age + received + conviction
     other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * each
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u

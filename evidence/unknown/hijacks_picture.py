@@ -46,7 +46,7 @@ def draw(axes: Any, case: Case, rows: pl.DataFrame) -> None:
         (False, -SHIFT, "C0", "rows alone"),
         (True, SHIFT, "C1", "and proofs"),
     ):
-        for place, information in enumerate(case.informations):
+        for place, information in enumerate(INFORMATION):
             runs = pl.concat(
                 cell
                 for (of, proves, attack), cell in found.items()

@@ -10,7 +10,7 @@ not) and guaranteed. Pairs without a remaining normal agent do not count. Lies l
 
 import argparse
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,8 +20,8 @@ import phalanx
 from phalanx.studies.row import json_text
 from phalanx.studies.store import Store
 
-INFORMATION = ("paper", "in-flight", "split", "worst-case", "unknown", "earned")
-BELIEVES = ("paper", "in-flight", "earned")
+INFORMATION = ("paper", "in-flight", "split", "worst-case", "unknown")
+BELIEVES = ("paper", "in-flight")
 """Who uses what others announce: the inputs of all others are the same for each lie."""
 LIES: Mapping[str, Mapping[str, Any]] = {
     "opposite": {"says": "opposite"},
@@ -47,12 +47,6 @@ class Case(NamedTuple):
     period: float = 0.0
     """Sampling period of agents [s]."""
 
-    @property
-    def informations(self) -> Sequence[str]:
-        """Return the informations that it can have: `earned` needs a row for each pair."""
-        pairs = phalanx.load(self.scenario).safety.composition == "pairs"
-        return [each for each in INFORMATION if pairs or each != "earned"]
-
     def attacks(self) -> Iterator[tuple[str, list[dict[str, Any]]]]:
         """Yield each attack's name and faults; none: declared adversaries alone."""
         yield "declared", []
@@ -72,7 +66,7 @@ class Case(NamedTuple):
 
     def points(self) -> Iterator[dict[str, Any]]:
         """Yield the fields of each point of the study."""
-        for information, prove in itertools.product(self.informations, (False, True)):
+        for information, prove in itertools.product(INFORMATION, (False, True)):
             for name, faults in self.attacks():
                 if name not in LIES or (information in BELIEVES and not prove):
                     yield fields(information, prove, faults)
@@ -141,7 +135,7 @@ def cells(case: Case, rows: pl.DataFrame) -> dict[tuple[str, bool, str], pl.Data
         (information, prove, attack): latest.filter(
             pl.col("overrides") == json_text({"duration": case.duration, **point})
         )
-        for information, prove in itertools.product(case.informations, (False, True))
+        for information, prove in itertools.product(INFORMATION, (False, True))
         for attack, faults in case.attacks()
         for point in [fields(information, prove, faults)]
     }
@@ -156,7 +150,7 @@ def print_tables(case: Case, rows: pl.DataFrame) -> None:
     costs = ("‖u - u_nom‖", "empty K_i", "tracking error [m]", "arrived, at [s]")
     print("| information | " + " | ".join([*shown, *costs]) + " |")
     print("|---" * (1 + len(shown) + len(costs)) + "|")
-    for information, prove in itertools.product(case.informations, (False, True)):
+    for information, prove in itertools.product(INFORMATION, (False, True)):
         of = [found[information, prove, attack] for attack in shown]
         if any(len(cell) for cell in of):
             name = f"`{information}`" + (", `prove`" if prove else "")

@@ -91,7 +91,6 @@ def plant(
         "real_time": real_time,
     }
     loaded = load(scenario, overrides or (), seed)
-    _require_no_evidence(loaded)
     if (out / RECORDING).exists():
         raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
     out.mkdir(parents=True, exist_ok=True)
@@ -128,7 +127,6 @@ def agent(
     from phalanx.wire.membership import Membership
 
     resolved = load(scenario, overrides or (), seed)
-    _require_no_evidence(resolved)
     names = resolved.programs()
     if (name in names) == claim or (name is not None and claim):
         got = f"got {name or 'neither'}" + (" with --claim" if claim else "")
@@ -137,15 +135,6 @@ def agent(
     own = identity_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), name or CLAIMANT, timeout, own)
     return _run_here(resolved, membership, {})
-
-
-def _require_no_evidence(scenario: "Scenario") -> None:
-    """Reject signed broadcasts: programs that share a secret could sign for one another."""
-    if scenario.safety.evidence:
-        raise typer.BadParameter(
-            "safety.evidence: expected false, or `phalanx run`, which gives each agent a signing "
-            "key that no other program has"
-        )
 
 
 def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str, Any]) -> int:

@@ -1,15 +1,12 @@
-"""Safety filters that prove their input before it is applied.
+"""The safety filter that proves its input before it is applied.
 
 With safety.prove the agent evaluates the verdict's certificates of its own pairs in sight, from its
 sample. Where one ends before the agent's next sample, the pair gets its whole row too; if that does
 not do, the agent takes the input whose least certified time is longest. Only if nothing is
 certified does it back up.
-
-With the information model earned, an agent splits a pair only while its certificate, against
-everything that the other may do, covers the time until a betrayal would be convicted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -32,11 +29,11 @@ _ROUNDS = 3
 class OwnProofs:
     """Certificates of an agent's own pairs, from its samples."""
 
-    def __init__(self, rows: SafetyRows, i: int, longest: float) -> None:
-        """longest: the longest time for which a proof is needed [s]."""
+    def __init__(self, rows: SafetyRows, i: int) -> None:
         swarm = rows.swarm
-        self._certificates, self._needed = swarm.once(SwarmCertificates), longest
-        self.own = own = self._certificates.of(i)
+        self._needed = swarm.horizon(i)
+        """Until agent i's next sample at the latest [s]."""
+        self.own = own = swarm.once(SwarmCertificates).of(i)
         self.others = own.others
         self.agents = len(swarm.members)
         self._seen: tuple[int, ...] = ()
@@ -47,15 +44,6 @@ class OwnProofs:
         self._all_quiet_until = -np.inf
         """The same of all pairs in sight [s]."""
         self.unprovable_in_sight = False
-
-    @property
-    def memory(self) -> Array:
-        """Time up to which each pair is safe for all inputs of all agents [s], shape (p,)."""
-        return self._quiet_until
-
-    @memory.setter
-    def memory(self, quiet_until: Array) -> None:
-        self._quiet_until[:], self._seen = quiet_until, ()
 
     def near(self, now: FilterInput) -> Near | None:
         """Pairs in sight that may become unsafe in the time needed; None without any.
@@ -84,41 +72,6 @@ class OwnProofs:
         return self.own.times(now.x, np.stack(inputs), near)
 
 
-class EarnedFilter:
-    """A filter that splits pairs with trusted agents only under a reserve."""
-
-    def __init__(
-        self, rows: SafetyRows, i: int, first: SafetyFilter, reserve: Mapping[int, float]
-    ) -> None:
-        """reserve: by agent, the time until a betrayal would be convicted [s]."""
-        self._first = first
-        self.proofs = OwnProofs(rows, i, max(reserve.values(), default=0.0))
-        others = self.proofs.others.tolist()
-        self._reserve = np.array([reserve.get(l, 0.0) for l in others])
-        longest = self.proofs.own.longest
-        unprovable = set(self.proofs.others[~self.proofs.own.provable].tolist())
-        self._never = unprovable | {l for l, time in reserve.items() if time > longest}
-        """Agents whose betrayal no certificate can cover: it may be convicted too late, or h has no
-        bound."""
-
-    def __call__(self, now: FilterInput) -> Filtered:
-        """Trust fewer agents until certificates cover the reserve of all that are trusted."""
-        if now.trusted & self._never:
-            now = replace(now, trusted=now.trusted - self._never)
-        filtered = self._first(now)
-        if not now.trusted or (near := self.proofs.near(now)) is None:
-            return filtered
-        while now.trusted:
-            (times,) = self.proofs.times(now, near, [filtered.decision.u])
-            short = set(self.proofs.others[near.pairs & (times < self._reserve)].tolist())
-            short &= now.trusted
-            if not short:
-                break
-            now = replace(now, trusted=now.trusted - short)
-            filtered = self._first(now)
-        return filtered
-
-
 class ProvenFilter:
     """A filter whose inputs the agent's own certificates cover until its next sample, if any do."""
 
@@ -126,7 +79,7 @@ class ProvenFilter:
         """Prove inputs of normal agent i's first filter; rows: as that agent knows the swarm."""
         self._i, self._first, self._pairs = i, first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
-        self.proofs = OwnProofs(rows, i, rows.swarm.horizon(i))
+        self.proofs = OwnProofs(rows, i)
         self._own = own = self.proofs.own
         self._provable = {i, *own.others[own.provable].tolist()}
         """Itself and the others with whom a pair can be proven: no other's row may exist."""

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from enum import StrEnum
 from html import escape
-from typing import Literal
 
 import msgspec
 import numpy as np
@@ -124,10 +123,6 @@ class CertificateSummary(msgspec.Struct):
         self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
 
 
-Proof = Literal["equivocation", "replay"]
-"""Evidence by signatures: two broadcasts of one number, or one that is not its sender's step."""
-
-
 class Convicted(msgspec.Struct):
     """A conviction: one agent found that another announced what it did not hold."""
 
@@ -140,10 +135,6 @@ class Convicted(msgspec.Struct):
     end: float
     excess: float
     """By how much more than φ^max it takes to explain the motion."""
-    number: int | None = None
-    """Of the signed broadcast that convicts; None for a conviction by its motion."""
-    proof: Proof | None = None
-    """What convicts, if others can check it."""
     after: float | None = None
     """Time since the agent's first false broadcast [s]; None if there was none: a false one."""
 

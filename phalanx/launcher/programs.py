@@ -66,9 +66,8 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with_launcher(_GRACE_OF_PLANT if plant else _GRACE)
-    signed = rows.swarm.safety.evidence
     own, *others = (
-        membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names, signed)
+        membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names)
         for name in (program.identity, *program.others)
     )
     if others:

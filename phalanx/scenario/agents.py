@@ -198,12 +198,6 @@ class AgentGroup(Strict):
         return not isinstance(self._law, _WITHOUT_GOAL)
 
     @property
-    def keeps_state(self) -> bool:
-        """True if inputs may depend on what code of a user's, or another controller, remembers."""
-        own = is_users(self.law) or any(is_users(goal.root) for goal in self.goal)
-        return own or self.controller is not None
-
-    @property
     def facts(self) -> AgentFacts:
         """Properties of each agent that faults need."""
         dynamics = self._dynamics

@@ -233,7 +233,7 @@ def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str
     if kind in ("missing", "missing_argument") or message == "Field required":
         return f"{field}: expected a value, got nothing"
     if kind == "extra_forbidden" or message == "Unexpected keyword argument":
-        return f"{field}: unknown field (misspelt?), got {_short(got)}"
+        return f"{field}: unknown field (misspelt, or retired?), got {_short(got)}"
     if kind in ("too_short", "too_long"):
         expected = f"expected{message.partition('have')[2].partition(' after')[0]}"
     if kind == "union_tag_invalid":

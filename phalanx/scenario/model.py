@@ -192,18 +192,12 @@ class Scenario(Strict):
                     "expected none: with safety.control = 'centralised' one QP decides for all"
                 )
                 raise field_error(("agents", index, "controller"), message, group.controller)
-            if self.safety.audit and group.role == "normal" and group.keeps_state:
-                message = (
-                    f"expected false: the controller, law or goal of agent {group.names[0]} may "
-                    "remember what no peer knows"
-                )
-                raise field_error(("safety", "audit"), message, self.safety.audit)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
                 raise field_error(("time", "latency"), message, self.time.latency)
-        if self.time.latency and (self.safety.prove or self.safety.information == "earned"):
-            message = "expected 0: with safety.prove or 'earned' inputs are proven from the sample"
+        if self.time.latency and self.safety.prove:
+            message = "expected 0: with safety.prove inputs are proven from the sample"
             raise field_error(("time", "latency"), message, self.time.latency)
         for index, obstacle in enumerate(self.obstacles):
             self._check_axes(index, obstacle)
@@ -229,11 +223,10 @@ class Scenario(Strict):
         real_time: seconds of virtual time per second of wall time; None in lockstep.
         """
         require_clock(self.fresh_world(), real_time)
-        if real_time is not None and self.safety.watches and not self.time.latency:
+        if real_time is not None and self.safety.watch and not self.time.latency:
             raise ValueError(
-                "safety: expected no watch, evidence or information = 'earned' in real time "
-                "without a time.latency: inputs take effect later than agents announce, and that "
-                "would convict honest ones"
+                "safety.watch: expected false in real time without a time.latency: inputs take "
+                "effect later than agents announce, and that would convict honest ones"
             )
 
     def _check_workspace(self) -> None:

@@ -75,12 +75,6 @@ class Safety(Strict):
     watch: bool = False
     """Whether agents hold the inputs that others announce against where these go, and convict those
     that no disturbance within its bound explains."""
-    evidence: bool = False
-    """Whether agents also sign what they broadcast, and relay what they heard: two broadcasts of
-    one number that differ convict their sender with all that see both."""
-    audit: bool = False
-    """Whether agents also ask one another for what a control step depended on, and compute it
-    again: an input that is not the step's convicts its sender with all. Needs evidence."""
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
@@ -105,12 +99,6 @@ class Safety(Strict):
         if self.control == "centralised" and self.prove:
             message = "expected false: a centralised controller proves no inputs"
             raise field_error(("prove",), message, self.prove)
-        if self.control == "centralised" and self.evidence:
-            message = "expected false: centralised agents hear nobody"
-            raise field_error(("evidence",), message, self.evidence)
-        if self.audit and not self.evidence:
-            message = "expected false, or evidence = true: audits are of signed broadcasts"
-            raise field_error(("audit",), message, self.audit)
         if self.control == "centralised" and not self.information.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
             raise field_error(("information",), message, self.information.value)
@@ -125,13 +113,7 @@ class Safety(Strict):
         if self.margin_name not in _OF_ANY_ROW and self.composition == "lse":
             message = "expected composition = 'pairs', or another margin: it is of a pair's row"
             raise field_error(("margin",), message, self.margin)
-        if self.audit and self.own_margin:
-            message = "expected false with a margin of your own, which may keep a state"
-            raise field_error(("audit",), message, self.audit)
         self._function = built("function", SafeSetFunction, self.function)
-        if self.information is Information.EARNED and self.composition == "lse":
-            message = "expected composition = 'pairs', of which each can be split or not"
-            raise field_error(("information",), message, self.information.value)
         if isinstance(self._function, HeadingAware) and not self.information.reads_roles:
             message = "expected another: h of 'heading-aware' depends on declared roles"
             raise field_error(("information",), message, self.information.value)
@@ -167,11 +149,6 @@ class Safety(Strict):
     def needs_all_states(self) -> bool:
         """True if normal agents must see every state, since they share one condition."""
         return self.shares_one_row or self.centralised
-
-    @property
-    def watches(self) -> bool:
-        """True if agents hold the inputs that others announce against their motion."""
-        return self.watch or self.evidence or self.information is Information.EARNED
 
     @property
     def counts_on_received(self) -> bool:

@@ -1,12 +1,12 @@
 """An agent's watch: it holds what others broadcast against where it sees them go."""
 
-from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.network.inbox import SentInput
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.trust.motion import MotionCheck
@@ -15,14 +15,6 @@ DEFECT = 1e-4
 """Bound on the plant's integration error, as a disturbance [1/s]."""
 _MOST = 64
 """Windows and broadcasts of one agent that are kept: later ones replace the oldest."""
-
-
-class Announced(ReceivedInput, Protocol):
-    """A broadcast with its number."""
-
-    @property
-    def k(self) -> int:
-        """Its sequence number."""
 
 
 class Conviction(NamedTuple):
@@ -57,19 +49,10 @@ class Watch:
         self._claims: dict[int, dict[int, ReceivedInput]] = {l: {} for l in self._checks}
         self._windows: dict[int, list[_Seen]] = {l: [] for l in self._checks}
         self._last: dict[int, tuple[float, Array]] = {}
-        self._stale = _stale(swarm, i)
-        self.conviction_takes = conviction_takes(swarm, i)
-        self._samples: dict[int, deque[tuple[float, Array]]] = {}
-        if swarm.safety.audit:
-            self._samples = {l: deque(maxlen=_MOST) for l in self._checks}
         self.convicted: set[int] = set()
-        self.unanswering: set[int] = set()
-        """Agents that do not answer an audit: not convicted, and not trusted."""
-        self.checked_until: dict[int, float] = {}
-        """By agent, the end of the newest window that was checked [s]."""
 
     def __call__(
-        self, t: float, x: Array, seen: Iterable[int], delivered: Iterable[tuple[int, Announced]]
+        self, t: float, x: Array, seen: Iterable[int], delivered: Iterable[tuple[int, SentInput]]
     ) -> list[Conviction]:
         """Return the convictions at a sample x, shape (n̄,), at t [s], with what arrived since."""
         for l, message in delivered:
@@ -80,30 +63,10 @@ class Watch:
             if l in self._last:
                 self._windows[l].append(_Seen(self._last[l][0], t, self._last[l][1], state))
             self._last[l] = t, state
-            if self._samples:
-                self._samples[l].append(self._last[l])
         for l in self._last.keys() - in_sight:
             del self._last[l]
         found = [self._check(l) for l in sorted(self._checks)]
         return [conviction for conviction in found if conviction is not None]
-
-    def trusted(self, t: float) -> frozenset[int]:
-        """Return the agents that are not convicted, of whom a recent window was checked."""
-        recent = {l for l, end in self.checked_until.items() if end >= t - self._stale[l]}
-        return frozenset(recent - self.convicted - self.unanswering)
-
-    def contradicts(self, l: int, t: float, state: Array) -> Conviction | None:
-        """Check the state that agent l says it was shown at t [s] against the sample before it."""
-        earlier = [sample for sample in self._samples.get(l, ()) if sample[0] < t]
-        if not earlier or l in self.convicted:
-            return None
-        window = _Seen(earlier[-1][0], t, earlier[-1][1], state)
-        parts = covering(self._claims[l], window.begin, t)
-        excess = self._excess(l, window, parts) if parts else 0.0
-        if excess <= 0.0:
-            return None
-        self.convicted.add(l)
-        return Conviction(l, window.begin, t, excess)
 
     def _check(self, l: int) -> Conviction | None:
         """Check agent l's windows whose broadcasts have all come."""
@@ -114,8 +77,6 @@ class Watch:
                 waiting.append(window)
                 continue
             excess = self._excess(l, window, parts)
-            if excess > -np.inf:  # else no box holds its states, and nothing could convict
-                self.checked_until[l] = window.end
             if excess > 0.0 and l not in self.convicted:
                 self.convicted.add(l)
                 convicted = Conviction(l, window.begin, window.end, excess)
@@ -129,20 +90,6 @@ class Watch:
         seconds = np.array([[length for _, length in parts]])
         check = self._checks[l]
         return float(check.excess(window.before[None], window.after[None], u, seconds)[0])
-
-
-def conviction_takes(swarm: Swarm, i: int) -> dict[int, float]:
-    """Return by agent the longest time from a betrayal until agent i has convicted it [s].
-
-    Or until agent i trusts it no more, as its windows cannot be checked in time.
-    """
-    return {l: stale + 2.0 * swarm.horizon(i) for l, stale in _stale(swarm, i).items()}
-
-
-def _stale(swarm: Swarm, i: int) -> dict[int, float]:
-    """Return by agent the time for which a checked window of it counts [s]."""
-    # A window, the sender's next broadcast, and a sample to read it at.
-    return {l: 3.0 * swarm.horizon(i) + swarm.horizon(l) for l in swarm.heard_by(i)}
 
 
 def motion_check(swarm: Swarm, l: int) -> MotionCheck:

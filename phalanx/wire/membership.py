@@ -62,25 +62,8 @@ class Membership:
         """Return a program's password for the hub; its key cannot be computed from it."""
         return hashlib.blake2b(b"password", key=self.key_of(name), digest_size=16).hexdigest()
 
-    def signing_key(self, name: str) -> bytes:
-        """Return the private key that signs an agent's broadcasts, 32 bytes. Raises KeyError."""
-        return self.key_of(_signs(name))
-
-    def public_key(self, name: str) -> bytes:
-        """Return the key that verifies an agent's signatures, 32 bytes. Raises KeyError."""
-        if self.held is not None:
-            return self.held[_verifies(name)]
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
-        private = Ed25519PrivateKey.from_private_bytes(self.signing_key(name))
-        return private.public_key().public_bytes_raw()
-
     def of(
-        self,
-        identity: str,
-        speaks_for: tuple[str, ...] = (),
-        peers: tuple[str, ...] = (),
-        signed: bool = False,
+        self, identity: str, speaks_for: tuple[str, ...] = (), peers: tuple[str, ...] = ()
     ) -> "Membership":
         """Return one program's membership, with its own keys alone; the plant's has the secret.
 
@@ -88,22 +71,9 @@ class Membership:
             identity: its name.
             speaks_for: the agents that it decides for: itself, if it is one.
             peers: all agents; their broadcasts are sealed with a key for each link.
-            signed: whether broadcasts are signed: adds its own private keys, and all public ones.
         """
         if identity == PLANT:
             return replace(self, identity=PLANT)
         links = {link(*ends) for i in speaks_for for j in peers for ends in ((i, j), (j, i))}
         held = {name: self.key_of(name) for name in (SHARED, identity, *speaks_for, *links)}
-        if signed:
-            held |= {_signs(name): self.signing_key(name) for name in speaks_for}
-            held |= {_verifies(name): self.public_key(name) for name in peers}
         return replace(self, identity=identity, secret=b"", held=held)
-
-
-def _signs(name: str) -> str:
-    """Name an agent's private signing key; no program or link has a name with a space."""
-    return f"{name} signs"
-
-
-def _verifies(name: str) -> str:
-    return f"{name} verifies"

@@ -10,13 +10,13 @@ from typing import Annotated, ClassVar
 import msgspec
 
 from phalanx.faults.commands import ActiveCommands, Command, Condition
-from phalanx.guarantee.verdict import Assumption, Proof, Violation
+from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
 from phalanx.wire.step_report import AppliedStep, StepReport
 
-VERSION = 3
+VERSION = 4
 MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 LONGEST_FAILURE = 2_000
@@ -94,72 +94,6 @@ class Broadcast(Message, frozen=True, kw_only=True):
     """Native input, shape (m_i,)."""
 
 
-class SignedClaim(msgspec.Struct, array_like=True, frozen=True):
-    """A broadcast's claim with its sender's signature, which any agent can verify."""
-
-    sender: int
-    """Its index."""
-    k: int
-    t_apply: float
-    """[s]"""
-    u: tuple[float, ...]
-    """Native input, shape (m_i,)."""
-    signature: Annotated[bytes, msgspec.Meta(max_length=64)] = b""
-    """Ed25519, of what phalanx.wire.signatures states."""
-
-
-class SignedBroadcast(Broadcast, frozen=True, kw_only=True):
-    """A broadcast with safety.evidence: signed, with claims of others that its sender heard."""
-
-    signature: Annotated[bytes, msgspec.Meta(max_length=64)]
-    """As in a SignedClaim of its sender."""
-    relayed: Annotated[tuple[SignedClaim, ...], msgspec.Meta(max_length=2)] = ()
-    """One claim to compare, or two that convict their sender."""
-
-
-class AuditedClaim(SignedClaim, frozen=True):
-    """A signed claim with a digest of what its sender decided from."""
-
-    digest: Annotated[bytes, msgspec.Meta(max_length=32)] = b""
-    """Of its sender's Reveal of that number; signed too."""
-
-
-class Reveal(msgspec.Struct, array_like=True, frozen=True):
-    """All that a control step of its sender depended on: who has it can compute the step again."""
-
-    sender: int
-    """Its index."""
-    k: int
-    """Of its sample and broadcast."""
-    t: float
-    """Of its sample [s]."""
-    seen: tuple[int, ...]
-    """As in its sample."""
-    x: bytes
-    """Likewise."""
-    received: tuple[AuditedClaim, ...]
-    """The newest broadcasts that it had received, in their order."""
-    trusted: tuple[int, ...]
-    """With information earned, the agents in sight that it trusted."""
-    memory: bytes
-    """What its controller kept from earlier samples."""
-    signature: Annotated[bytes, msgspec.Meta(max_length=64)] = b""
-    """Ed25519, of what phalanx.wire.signatures states."""
-
-
-class AuditedBroadcast(SignedBroadcast, frozen=True, kw_only=True):
-    """A broadcast with safety.audit: it commits its sender to a Reveal, and may ask for one."""
-
-    relayed: Annotated[tuple[AuditedClaim, ...], msgspec.Meta(max_length=2)] = ()
-    """As before, or the one claim that a reveal of the same sender convicts."""
-    digest: Annotated[bytes, msgspec.Meta(max_length=32)]
-    """Of the sender's own Reveal of this number."""
-    challenge: tuple[int, int] | None = None
-    """(agent's index, number): the sender asks this agent for its Reveal of a broadcast."""
-    reveal: Reveal | None = None
-    """The sender's own, as an answer; or another's, as evidence with the relayed claim."""
-
-
 class Telemetry(Message, frozen=True, kw_only=True):
     """Agent i to the plant, for the recording and the viewers: how an input was made."""
 
@@ -178,8 +112,6 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
     convictions: tuple[tuple[int, float, float, float], ...] = ()
     """(agent's index, begin and end of the window [s], excess) of each new conviction."""
-    proofs: tuple[tuple[int, int, Proof], ...] = ()
-    """(agent's index, number, kind) of each new conviction by what the agent signed."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
     """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
     notes: Annotated[tuple[Note, ...], msgspec.Meta(max_length=MOST_NOTES)] = ()

@@ -37,20 +37,15 @@ class Information(StrEnum):
     """Roles are not declared: an agent keeps its own pairs alone, with everyone else at γ_l^max. It
     reads no role, so that its pairs hold even if all others were taken over."""
 
-    EARNED = "earned"
-    """Roles are not declared either. An agent splits a pair with another that it watches and has
-    not convicted, while its own certificate covers the time until a betrayal would be convicted;
-    all others are at γ_l^max. Needs `pairs`."""
-
     @property
     def reads_roles(self) -> bool:
         """Return whether agents know who is normal and who is an adversary."""
-        return self not in (Information.UNKNOWN, Information.EARNED)
+        return self is not Information.UNKNOWN
 
     @property
     def shares(self) -> bool:
         """Return whether each agent keeps its share of a joint condition."""
-        return self in (Information.SPLIT, Information.EARNED)
+        return self is Information.SPLIT
 
     @property
     def counts_on_received(self) -> bool:

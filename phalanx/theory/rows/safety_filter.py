@@ -34,8 +34,6 @@ class FilterInput(Struct, frozen=True):
     """Nominal input, shape (m_i,)."""
     received: Mapping[int, ReceivedInput]
     """û_l by agent."""
-    trusted: frozenset[int] = frozenset()
-    """With information earned: agents in sight with which a pair may be split."""
 
 
 class Filtered(Struct, frozen=True):
@@ -110,7 +108,7 @@ class PairwiseFilter:
         information, i = self._information, self.i
         if self._split:
             sharing = information.sharing(i, now.received, now.t, now.seen)
-            return pair_rows(self._terms(now.x, now.seen, [*sharing, *now.trusted]), {}), []
+            return pair_rows(self._terms(now.x, now.seen, sharing), {}), []
         counted = _believed(information, now)
         return pair_rows(self._terms(now.x, now.seen), counted), list(counted)
 

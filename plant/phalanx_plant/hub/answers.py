@@ -120,7 +120,6 @@ class Answers:
         senders = [fate.sender for fate in message.fates]
         senders += [l for l, _ in message.ages] + [l for l, _, _ in message.received]
         senders += [found[0] for found in message.convictions]
-        senders += [found[0] for found in message.proofs]
         if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
         if message.report.origin not in self._origins:

@@ -4,7 +4,7 @@ Outcome and certificates follow from the true states and the applied inputs alon
 are compared with these. All that is recorded and shown of an event is in its judgement.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -12,7 +12,7 @@ from msgspec.structs import asdict
 
 from phalanx.arrays import Array, Index
 from phalanx.faults.commands import Condition, ProcessChange
-from phalanx.guarantee.verdict import Convicted, Proof, TrustSummary
+from phalanx.guarantee.verdict import Convicted, TrustSummary
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
@@ -37,11 +37,6 @@ from phalanx_plant.world.events import (
 )
 from phalanx_plant.world.extremes import PairExtremes
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
-
-_PROOFS: Mapping[Proof, str] = {
-    "equivocation": "it signed two broadcasts {} that differ",
-    "replay": "its broadcast {} is not the step that it reveals",
-}
 
 
 class Judged(Struct, frozen=True):
@@ -78,8 +73,8 @@ class Judge:
         self._latency = swarm.time.latency
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
-        self._turned: dict[int, float] = {}
-        """Normal agents that became adversaries, and since when [s]."""
+        self._turned: set[int] = set()
+        """Normal agents that became adversaries."""
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
         self._convictions: list[Convicted] = []
@@ -197,7 +192,7 @@ class Judge:
             if effect.leads_to is not None and effect.leads_to.silent:
                 self.assumptions.fell_silent(i, command.t)
             if effect.leads_to is Condition.TURNED:
-                self._turn(i, command.t)
+                self._turn(i)
             if effect.process is ProcessChange.STARTS:
                 self._rejected_before[i] += self._rejected[i]
                 self._rejected[i] = 0
@@ -206,14 +201,14 @@ class Judge:
         level = Level.WARNING if command.harms else Level.INFO
         return Judged(event, [Log(command.t, f"{command}{lost}", level)])
 
-    def _turn(self, i: int, t: float) -> None:
-        """Set apart agent i's pairs without a normal agent, as it is an adversary from t [s] on.
+    def _turn(self, i: int) -> None:
+        """Set apart agent i's pairs without a normal agent, as it is an adversary now.
 
         Two adversaries are no pair of the safe set from the start either.
         """
-        self._turned.setdefault(i, t)
+        self._turned.add(i)
         self.assumptions.turned(i)
-        normal = set(self._swarm.normal) - self._turned.keys()
+        normal = set(self._swarm.normal) - self._turned
         pairs = enumerate(self._swarm.safe_set.pairs)
         apart = np.array([k for k, p in pairs if not {p.a, p.b} & normal], dtype=np.intp)
         self.extremes.set_apart(apart)
@@ -268,8 +263,6 @@ class Judge:
                 notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         for conviction in telemetry.convictions:
             notices.append(self._conviction(i, t, conviction))
-        for evidence in telemetry.proofs:
-            notices.append(self._proof(i, t, *evidence))
         return telemetry, received, notices
 
     def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:
@@ -283,22 +276,12 @@ class Judge:
         )
         return Log(t, text, Level.WARNING)
 
-    def _proof(self, i: int, t: float, l: int, number: int, proof: Proof) -> Log:
-        """Keep a conviction by evidence that agent i found at t [s], and describe it."""
-        by, of = self._names[i], self._names[l]
-        self._convictions.append(Convicted(by, of, t, t, t, 0.0, number, proof))
-        text = f"agent {by} convicts agent {of}: {_PROOFS[proof].format(number)}"
-        return Log(t, text, Level.WARNING)
-
     @property
     def trust(self) -> TrustSummary | None:
         """Betrayals and convictions; None unless agents watch each other."""
-        if not self._swarm.safety.watches:
+        if not self._swarm.safety.watch:
             return None
         begun = dict(self.claims.betrayals)
-        # By audits an attack is found out though it is announced as it is.
-        for i, t in self._turned.items() if self._swarm.safety.audit else ():
-            begun[self._names[i]] = min(t, begun.get(self._names[i], np.inf))
         for each in self._convictions:
             guilty = begun.get(each.of, np.inf) < each.end
             each.after = each.t - begun[each.of] if guilty else None

@@ -77,15 +77,13 @@ def test_real_time_needs_a_hub_and_a_factor_at_which_time_goes_on(
         RunOptions(engine, real_time=factor)
 
 
-@pytest.mark.parametrize("watching", ["watch=true", "information='earned'"])
-def test_who_watches_in_real_time_needs_a_latency_to_hold_others_to(watching: str) -> None:
-    changes = ["safety.composition='pairs'", "safety.eta=0.0", f"safety.{watching}"]
-    scenario = phalanx.load("unicycles", changes)
+def test_who_watches_in_real_time_needs_a_latency_to_hold_others_to() -> None:
+    watching = {"safety.watch": True}
+    scenario = phalanx.load("unicycles", watching)
     scenario.require_clock(None)
     with pytest.raises(ValueError, match=r"without a time\.latency"):
         scenario.require_clock(1.0)
-    if watching == "watch=true":
-        phalanx.load("unicycles", [*changes, "time.latency=0.005"]).require_clock(1.0)
+    phalanx.load("unicycles", {**watching, "time.latency": 0.005}).require_clock(1.0)
 
 
 def test_options_that_hold_secrets_do_not_print_them() -> None:

@@ -107,7 +107,6 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
     [
         ({"convictions": ((5, 0.0, 1.0, 0.1),)}, "unknown sender"),
         ({"convictions": ((-1, 0.0, 1.0, 0.1),)}, "unknown sender"),
-        ({"proofs": ((5, 3, "replay"),)}, "unknown sender"),
         ({"report": replace(MADE, origin=Origin.PROVEN)}, "unknown origin"),
     ],
 )

@@ -93,7 +93,7 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     ),
     "misspelt table": (
         replace("[formation]", "[formatoin]"),
-        ["formatoin: unknown field (misspelt?)"],
+        ["formatoin: unknown field (misspelt, or retired?)"],
     ),
     "a latency as long as the shortest sampling gap": (
         under("duration = 24.0", "time = { latency = 0.008 }"),
@@ -124,7 +124,7 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     # Mistakes in safety: the function, gains, margin and information.
     "misspelt field": (
         under("[safety]", "roh = 5.0"),
-        ["safety.roh: unknown field (misspelt?), got 5.0"],
+        ["safety.roh: unknown field (misspelt, or retired?), got 5.0"],
     ),
     "no ρ": (replace("rho = 5.0", ""), ["safety.rho: expected a value, got nothing"]),
     "ρ zero": (replace("rho = 5.0", "rho = 0"), ["safety.rho: expected greater than 0", "got 0"]),
@@ -144,16 +144,6 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     "unknown information model": (
         replace('"paper"', '"papper"'),
         ["safety.information: expected 'paper', 'in-flight'", "got 'papper'"],
-    ),
-    "audits without signatures": (
-        replace('"paper"', '"paper"\naudit = true'),
-        ["safety.audit: expected false, or evidence = true"],
-    ),
-    "audits of a controller that may remember": (
-        lambda t: replace('"paper"', '"paper"\nevidence = true\naudit = true')(t).replace(
-            "[[agents]]", '[[agents]]\ncontroller = { type = "none" }', 1
-        ),
-        ["safety.audit: expected false: the controller, law or goal of agent 1 may remember"],
     ),
     "unknown safe-set function": (
         replace('"separation"', '"seperation"'),

@@ -55,7 +55,7 @@ MISTAKES = {
         "0.agent: expected the name of an agent other than east",
     ),
     "no offset": ({"type": "follow", "agent": "west"}, "0.offset: expected a value"),
-    "an unknown field": ({"type": "point", "at": [1.0, 2.0]}, "0.at: unknown field (misspelt?)"),
+    "an unknown field": ({"type": "point", "at": [1.0, 2.0]}, "0.at: unknown field (misspelt"),
 }
 
 

@@ -32,11 +32,6 @@ OF_FIELD = {
     "commands": [0.1, None, True, False, True],
     "ages": [[1, 0.01]],
     "convictions": [[1, 0.25, 0.26, 0.5]],
-    "proofs": [[1, 25, "replay"]],
-    "relayed": [[1, 25, 0.25, [1.5, -2.0], b"s" * 64]],
-    "AuditedBroadcast.relayed": [[1, 25, 0.25, [1.5, -2.0], b"s" * 64, b"d" * 32]],
-    "challenge": [2, 25],
-    "reveal": [1, 25, 0.25, [1], b"x" * 24, [], [2], b"m" * 8, b"s" * 64],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "notes": [["gap", 0.25]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
@@ -61,7 +56,7 @@ def fields(name: str) -> list[Any]:
     """Return the fields of a message or a part, with examples of the page's types."""
     first = fields("StepReport") if name == "AppliedStep" else [] if name in PARTS else [VERSION]
     own = tables()[name]
-    return first + [OF_FIELD.get(f"{name}.{f}") or OF_FIELD.get(f) or example(t) for f, t in own]
+    return first + [OF_FIELD.get(f) or example(t) for f, t in own]
 
 
 def example(of_type: str) -> Any:
