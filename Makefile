@@ -49,7 +49,7 @@ $(READY): pyproject.toml locks/all.txt
 
 # After a change of pyproject.toml or constraints.txt; needs uv. The build's own are beside them.
 locks:
-	printf '%s\n' hatchling | $(LOCK) --output-file locks/image.txt
+	printf '%s\n' hatchling | $(LOCK) --extra hosts --output-file locks/image.txt
 	printf '%s\n' hatchling editables | $(LOCK) --extra test --extra docs --output-file locks/all.txt
 
 # Before a release; needs a container engine that reaches its registry.

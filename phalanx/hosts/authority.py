@@ -10,13 +10,19 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Self
 
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+import typer
 
 from phalanx.wire.credentials import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
 from phalanx.wire.keys import HUBS, PLANT
+
+try:
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+except ImportError as error:
+    needed = "TLS identities need cryptography: pip install 'phalanx-swarm[hosts]'"
+    raise typer.BadParameter(needed) from error
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
