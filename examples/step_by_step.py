@@ -6,11 +6,10 @@ python examples/step_by_step.py
 import phalanx
 
 scenario = phalanx.load("unicycles", overrides={"duration": 6.0})
-with phalanx.start(scenario) as run:
-    run.until(2.0)
+with phalanx.start(scenario) as run, phalanx.start(scenario) as lossy:
+    for each in (run, lossy):  # the same run up to here, to the last bit
+        each.until(2.0)
     print(run, "agent 1 at", run.states["1"])
-
-    lossy = run.branch()  # the same run up to here, to the last bit
     lossy.command("loss", value=0.9)
     lossy.command("kill", "2", at=3.0)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from phalanx.launcher.run import Run
     from phalanx.launcher.run import open_run as open
     from phalanx.launcher.run import verify_run as verify
-    from phalanx.launcher.start import parallel_env, run
+    from phalanx.launcher.start import run
     from phalanx.launcher.stepped import SteppedRun, start
     from phalanx.launcher.verify import Verification
     from phalanx.recording.read import UnreadableRecordingError
@@ -58,7 +58,6 @@ _HOMES = {
     "load": "phalanx.scenario.load",
     "metrics": "phalanx.metrics",
     "open": "phalanx.launcher.run:open_run",
-    "parallel_env": "phalanx.launcher.start",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
     "open_study": "phalanx.studies.study",
@@ -78,7 +77,6 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "study",
     "open_study",
     "metrics",
-    "parallel_env",
     "Run",
     "SteppedRun",
     "Study",

@@ -11,8 +11,6 @@ Names that are not in this module may change at any time.
 
 from phalanx.arrays import Array
 from phalanx.baselines.barrier import BarrierQP, LyapunovBarrierQP
-from phalanx.baselines.cbfpy import CbfPy
-from phalanx.baselines.orca import Orca
 from phalanx.baselines.plain import Escape, Nominal
 from phalanx.launcher.streams import echo, echo_error
 from phalanx.network.rule import (
@@ -160,9 +158,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Nominal",
     "BarrierQP",
     "LyapunovBarrierQP",
-    "CbfPy",
     "Escape",
-    "Orca",
     # Link rules
     "Rule",
     "Message",

@@ -1,6 +1,6 @@
 """Compare controllers on the same scenarios, seeds, network and nominal law.
 
-    pip install -e '.[orca,cbfpy]'
+    pip install pyrvo cbfpy
     python evidence/controllers/compare.py --seeds 20
 
 Every result is a file under build/controllers, written as soon as it is there; what is there is not
@@ -22,9 +22,10 @@ from phalanx.guarantee.verdict import Outcome
 
 KEPT = Path("build/controllers")
 OURS = "the paper's filter"
+_OF_LIBRARIES = ("examples.controllers.cbfpy_barriers:CbfPy", "examples.controllers.orca:Orca")
 CONTROLLERS: dict[str, dict[str, Any]] = {OURS: {}} | {
     name.partition(":")[2] or name: {"agents.0.controller.type": name}
-    for name in ("shield:Shield", "cbf-qp", "clf-cbf", "cbfpy", "orca", "escape", "none")
+    for name in ("shield:Shield", "cbf-qp", "clf-cbf", *_OF_LIBRARIES, "escape", "none")
 }
 BAD = {"network.loss": 0.2, "network.delay": {"low": 0.0, "high": 0.05}}
 SCENARIOS: dict[str, dict[str, Any]] = {

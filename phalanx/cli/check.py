@@ -90,7 +90,7 @@ def compile_scenario(
     """
     import phalanx
     from phalanx.cli.display import spinner
-    from phalanx.launcher.trunk import compile_scenario
+    from phalanx.launcher.compiling import compile_scenario
     from phalanx.schema.user_code import code_trusted
 
     with code_trusted(trust):

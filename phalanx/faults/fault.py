@@ -85,11 +85,6 @@ class Fault(Strict):
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError unless it fits the scenario's agents, by name."""
 
-    @property
-    def drawn_ahead(self) -> bool:
-        """True if random draws decide before the run what it does later."""
-        return False
-
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Return its effect on the links of a run, as entry number `place` of the list."""
         return lambda link: ()
@@ -136,10 +131,6 @@ class AgentFault(Fault):
 
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         require_names(self.agents, agents, (*where, "agents"))
-
-    @property
-    def drawn_ahead(self) -> bool:
-        return self.rate is not None
 
     def until(self, t: float) -> float:
         """Return the end of an occurrence that begins at t [s]."""

@@ -62,10 +62,6 @@ class Partition(TimedFault):
                 (*where, "shape"), f"expected {least} agents or more to part", self.shape
             )
 
-    @property
-    def drawn_ahead(self) -> bool:
-        return self.shape is not None
-
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Cut the links between the groups."""
         if self.shape:

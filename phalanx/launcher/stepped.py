@@ -9,7 +9,6 @@ import time
 import weakref
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -25,7 +24,7 @@ from phalanx.faults.commands import (
 )
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import EngineError, RunOptions
+from phalanx.launcher.engine import RunOptions
 from phalanx.launcher.in_process_engine import DirectRun
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import new_folder
@@ -80,7 +79,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
 
     def __init__(self, rows: SafetyRows, out: str | Path | None, policy: CommandPolicy) -> None:
         """Begin at t = 0; start describes out and policy."""
-        self._rows, self._swarm, self._out, self._policy = rows, rows.swarm, out, policy
+        self._swarm, self._policy = rows.swarm, policy
         self._temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
         parent = Path(self._temporary.name if self._temporary else out or "")
         self._course = _Course(rows, new_folder(parent, rows.swarm.scenario.name), policy)
@@ -165,7 +164,9 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
 
         Raises ValueError: there is no such command or agent, or its time has passed.
         """
-        course = self._running()
+        course = self._course
+        if self.over:
+            raise ValueError(f"the run is over, at t = {self.t:g} s")
         next_instant = course.clock.next_instant
         command = Command(next_instant if at is None else at, kind, agent, value)
         if not command.changes_trajectory and kind in set(CommandKind):
@@ -179,27 +180,6 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
         self._given.append(command)
         return command
 
-    def branch(self) -> "SteppedRun":
-        """Return an independent run that is where this one is, with a folder of its own.
-
-        It is stepped here from t = 0 with the same commands, so it takes as long as this run did;
-        solvers cannot be copied, and its recording is whole.
-
-        Raises:
-            ValueError: the run is over.
-            EngineError: the second run arrived elsewhere, so some code of yours keeps a state.
-        """
-        course = self._running()
-        policy = replace(self._policy, schedule=self.commands)
-        other = SteppedRun(self._rows, self._out, policy)
-        other._course.advance(steps=course.steps)
-        if (other.t, other._course.world.x.tobytes()) != (self.t, course.world.x.tobytes()):
-            raise EngineError(
-                f"branch: stepped again to t = {self.t:.3f} s, the run arrived elsewhere: some "
-                "code that the scenario names keeps a state between runs"
-            )
-        return other
-
     def end(self) -> Run:
         """End the run, as stopped unless it went to its end; return the finished run."""
         return self._end("ended by its program")
@@ -207,11 +187,6 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     def _end(self, reason: str) -> Run:
         self._course.stop(reason)
         return Run(self.folder, self._course.summary, self._temporary)
-
-    def _running(self) -> "_Course":
-        if self.over:
-            raise ValueError(f"the run is over, at t = {self.t:g} s")
-        return self._course
 
     def __exit__(
         self,

@@ -20,8 +20,6 @@ from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, summarises
 
 REPORT = "report.html"
-INEVITABLE = "inevitable.png"
-"""Among a run's figures, if `phalanx branch` has drawn it."""
 _DPI = 110
 _DATELESS = {"CreationDate": None}
 """Metadata of PDF: the same run gives the same file."""
@@ -46,7 +44,6 @@ def write_report(
     run: its folder, or its recording. Raises UnreadableRecordingError, OSError, ValueError.
     """
     drawn: list[tuple[str, bytes]] = []
-    place = 0
     with drawn_for(style):
         recording = read(run)
         figures = recording.path.parent / "figures"
@@ -60,10 +57,6 @@ def write_report(
             image = image_of(figure.figure)
             (figures / f"{figure.name}.png").write_bytes(image)
             drawn.append((figure.caption, image))
-            if figure.name == "certified":
-                place = len(drawn)
-    if (branches := figures / INEVITABLE).exists():
-        drawn.insert(place or len(drawn), (_INEVITABLE, branches.read_bytes()))
     report = recording.path.parent / REPORT
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report.write_text(page(recording, metrics, links, drawn, notes(history)), encoding="utf-8")
@@ -175,10 +168,6 @@ _CERTIFIED = (
     "others do, in multiples of τ, the longest time until its next sample: at or above the line at "
     "1 the proof lasts until then. A cross marks every input below it. The scale is logarithmic; "
     "an input that is proven for no time at all is drawn at the bottom."
-)
-_INEVITABLE = (
-    "Share of branches that violate, over the time at which they left the run: from there on all "
-    "that is random was drawn again. Lines mark the loss of the certificate and the violation."
 )
 _DISTURBANCES = (
     "Disturbance that explains each agent's motion under the declared dynamics: the norm of the "

@@ -10,7 +10,7 @@ from typing import Any
 
 import pydantic
 
-from phalanx.baselines import barrier, cbfpy, orca, plain
+from phalanx.baselines import barrier, plain
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws import attacks, goals, tracking
@@ -67,9 +67,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "none": plain.Nominal,
         "cbf-qp": barrier.BarrierQP,
         "clf-cbf": barrier.LyapunovBarrierQP,
-        "cbfpy": cbfpy.CbfPy,
         "escape": plain.Escape,
-        "orca": orca.Orca,
     },
     World: {"crazyflies": crazyflies.Crazyflies, "mujoco": mujoco.Mujoco, "ros2": ros2.Ros2},
 }

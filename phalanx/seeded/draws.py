@@ -103,21 +103,12 @@ class Seeds:
 
     def __init__(self, first: int, later: Iterable[tuple[float, int]] = ()) -> None:
         """later: times [s], increasing, each with the seed in force from then on."""
-        self.first, self.later = first, list(later)
+        self.first, self.later = first, tuple(later)
 
     def at(self, t: float) -> int:
         """Return the seed in force at t [s]."""
         place = bisect_right(self.later, t, key=_AT)
         return self.later[place - 1][1] if place else self.first
-
-    def change(self, t: float, seed: int) -> None:
-        """Put another seed in force from t [s] on, in a run that has decided nothing from then on.
-
-        Raises ValueError: another one is in force from t or later.
-        """
-        if self.later and t <= self.later[-1][0]:
-            raise ValueError(f"at: expected more than {self.later[-1][0]:g} s, got {t:g}")
-        self.later.append((t, seed))
 
 
 class Tables(dict[str, Draws]):

@@ -106,7 +106,6 @@ def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnControl
         swarm.seed,
     )
     try:
-        # One of ours is not watched: its library may take its time to compile.
         watched_method(controller, "prepare", "no error", swarm.names[i])(agent)
     except (MistakenMethodError, ValueError) as error:
         reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error

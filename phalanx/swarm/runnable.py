@@ -57,24 +57,15 @@ def shared_rows(scenario: Scenario) -> SafetyRows:
         return require_runnable(build_swarm(scenario))
     fields = compiled_fields(scenario)
     if fields in _shared:
-        rows = with_scenario(_shared[fields], scenario)
+        rows = _shared[fields].with_scenario(scenario)
+        with endless_loops(rows.swarm.time.timeout):
+            _evaluate_start(rows)
     else:
         rows = require_runnable(build_swarm(scenario))
         if len(_shared) == _MOST_SHARED:
             del _shared[next(iter(_shared))]
     _shared[fields] = rows  # the newest has all that was compiled so far
     return rows
-
-
-def with_scenario(rows: SafetyRows, scenario: Scenario) -> SafetyRows:
-    """Return the rows of a scenario with the same compiled_fields, whose functions are shared.
-
-    Raises as require_runnable does.
-    """
-    other = rows.with_scenario(scenario)
-    with endless_loops(other.swarm.time.timeout):
-        _evaluate_start(other)
-    return other
 
 
 _shared: dict[str, SafetyRows] = {}

@@ -9,6 +9,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pytest
 
+import phalanx
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MOST_LINES = 60
 SAYS = {
@@ -18,12 +20,9 @@ SAYS = {
     "plot.py": "worst pair",
     "step_by_step.py": "the same bits: True",
     "study.py": "worst h_tot",
-    "train_attacker.py": "trained: largest h",
     "verify.py": "bit-identical",
 }
 """What each prints at least."""
-SHORT = {"train_attacker.py": ["1"]}
-"""Arguments that make one short."""
 WITH_A_TEST_OF_ITS_OWN = {"follow_broadcasts.py", "study_on_slurm.py"}
 
 
@@ -59,8 +58,72 @@ def test_the_notebook_runs_cell_by_cell(
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", SAYS)
 def test_an_example_runs(name: str, tmp_path: Path) -> None:
-    command = [sys.executable, EXAMPLES / name, *SHORT.get(name, [])]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert SAYS[name] in printed(tmp_path, EXAMPLES / name)
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(600)
+def test_an_attacker_is_trained(tmp_path: Path) -> None:
+    example = EXAMPLES / "pettingzoo_env" / "train_attacker.py"
+    assert "trained: largest h" in printed(tmp_path, example, "1")
+
+
+def printed(folder: Path, *example: Path | str) -> str:
+    """What an example prints, run in a folder with arguments."""
+    done = subprocess.run([sys.executable, *example], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert SAYS[name] in done.stdout
     assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("acting", ["attackers", "defenders"])
+def test_the_environment_passes_pettingzoos_own_tests(acting: str) -> None:
+    tests = pytest.importorskip("pettingzoo.test")
+    from examples.pettingzoo_env.swarm_env import SwarmEnv
+
+    def make() -> Any:
+        return SwarmEnv("unicycles", acting, every=0.02, overrides={"duration": 0.06})
+
+    tests.parallel_api_test(make(), num_cycles=5)
+    tests.parallel_seed_test(make, num_cycles=5)
+
+
+@pytest.mark.nightly
+def test_an_episode_ends_with_an_unsafe_pair_and_its_rewards_are_the_rise_of_h() -> None:
+    pytest.importorskip("pettingzoo")
+    from examples.pettingzoo_env.swarm_env import SwarmEnv
+
+    starts = [[0.0, 0.0, 0.0], [3.0, 0.0, 3.14], [-9.0, 0.0, 0.0]]
+    first = {"controller": {"type": "none"}, "start": starts, "spread": []}
+    overrides = {"duration": 1.0, **{f"agents.0.{name}": value for name, value in first.items()}}
+    env = SwarmEnv("unicycles", "defenders", every=0.05, overrides=overrides)
+    _, infos = env.reset(seed=1)
+    begun, total, ended = infos["1"]["peak"], 0.0, {}
+    while env.agents:
+        ahead = {name: [4.0, 0.0] for name in env.agents}
+        _, rewards, ended, truncated, infos = env.step(ahead)
+        total += rewards["1"]
+    assert all(ended.values())
+    assert not any(truncated.values())
+    assert infos["1"]["verdict"] == "violated"
+    assert infos["1"]["peak"] > 0.0
+    assert total == pytest.approx(begun - infos["1"]["peak"])
+    assert env.action_space("1").high.tolist() == [4.0, 2.0]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("name", "library"), [("orca:Orca", "pyrvo"), ("cbfpy_barriers:CbfPy", "cbfpy")]
+)
+def test_a_controller_by_a_library_runs(name: str, library: str) -> None:
+    pytest.importorskip(library)
+    overrides = {
+        "duration": 0.2,
+        "time.timeout": 120.0,  # cbfpy compiles
+        "safety.function.radius": 1.01,
+        "agents.0.controller.type": f"examples.controllers.{name}",
+    }
+    run = phalanx.run(phalanx.load("unicycles", overrides), engine="in-process")
+    assert run.verdict == "guaranteed"
+    assert run.metrics["input_deviation_mean"][0] > 0.0

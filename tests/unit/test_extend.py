@@ -23,7 +23,7 @@ NAMES = """
     WorstLookahead Script
     Reference Sight Motion FixedPoint Waypoints PathAtSpeed Follow
     Controller ControllerView ControlledAgent Received PairTerms Polytope Rows NearestInput
-    least_violation Nominal BarrierQP LyapunovBarrierQP CbfPy Escape Orca
+    least_violation Nominal BarrierQP LyapunovBarrierQP Escape
     Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
     CompiledFunction dot length added portable_value
     Array echo echo_error

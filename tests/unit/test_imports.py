@@ -85,8 +85,6 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
-    "phalanx.learning": LAUNCHER,
-    "phalanx.branches": COMMANDED | CURVES | rooms("report statistics"),
     "phalanx.attacks": COMMANDED | CURVES | rooms("report statistics studies studies.page"),
     "phalanx.studies.page": COMMANDED | rooms("report statistics studies"),
     "phalanx.hosts": COMMANDED,
@@ -105,10 +103,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 EXTENSIONS = {
     "phalanx.curves",
     "phalanx.report",
-    "phalanx.branches",
     "phalanx.attacks",
     "phalanx.studies.page",
-    "phalanx.learning",
     "phalanx.hosts",
     "phalanx.ros2",
     "phalanx.certify",
@@ -220,7 +216,6 @@ def test_what_the_core_imports_is_among_its_own_dependencies():
             needed |= {canonical(d) for top in tops for d in brought_by.get(top, [top])[:1]}
     ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
     needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
-    needed -= {"cbfpy", "jax"}  # of an extra: only the controller `cbfpy` loads them
     needed -= {"dask", "distributed"}  # of an extra: only `phalanx study --dask` loads them
     assert needed <= own, needed - own
     assert own <= needed | {"osqp", "scipy"}, "those two are loaded by phalanx.compat"

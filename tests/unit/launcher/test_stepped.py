@@ -13,7 +13,6 @@ import pytest
 import phalanx
 from phalanx import Command, CommandPolicy, Outcome, SteppedRun
 from phalanx.launcher import stepped
-from phalanx.launcher.engine import EngineError
 from phalanx.recording.records import State
 from phalanx.recording.write import RecordingWriter
 
@@ -47,21 +46,19 @@ def test_stepped_or_in_strides_it_has_the_bits_of_a_run():
 
 
 @pytest.mark.slow
-def test_commanded_and_branched_it_has_the_bits_of_a_run_with_these_commands():
-    run = begin()
-    run.until(0.05)
-    run.command("loss", value=0.8)
-    run.command("kill", "2", at=0.1)
-    run.until(0.12)
-    same, other = run.branch(), run.branch()
+def test_commanded_it_has_the_bits_of_a_run_with_these_commands():
+    run, other = begin(), begin()
+    for each in (run, other):
+        each.until(0.05)
+        each.command("loss", value=0.8)
+        each.command("kill", "2", at=0.1)
+        each.until(0.12)
     assert other.command("restart", "2").t > 0.12
-    for each in (run, same, other):
+    for each in (run, other):
         each.until()
-    assert same.commands == run.commands
-    hashes = [each.end().summary.trajectory for each in (run, same, other)]
-    assert hashes[0] == hashes[1] != hashes[2]
-    assert hashes[1:] == [in_one_go(each) for each in (run, other)]
-    assert len({each.folder for each in (run, same, other)}) == 3
+    hashes = [each.end().summary.trajectory for each in (run, other)]
+    assert hashes[0] != hashes[1]
+    assert hashes == [in_one_go(each) for each in (run, other)]
     assert phalanx.verify(other.end(), engine="in-process")
 
 
@@ -102,9 +99,8 @@ def test_ended_early_it_is_stopped_and_can_be_verified():
     assert finished.summary.t == run.t <= 0.1
     assert run.end().summary is finished.summary
     assert phalanx.verify(finished, engine="in-process")
-    for call in (run.branch, lambda: run.command("turn", "1")):
-        with pytest.raises(ValueError, match="the run is over"):
-            call()
+    with pytest.raises(ValueError, match="the run is over"):
+        run.command("turn", "1")
 
 
 @pytest.mark.slow
@@ -231,13 +227,3 @@ def test_a_run_that_cannot_begin_leaves_its_recording_closed(monkeypatch: pytest
     with pytest.raises(OSError, match="no plant"):
         begin()
     assert closed == [True]
-
-
-@pytest.mark.slow
-def test_a_branch_that_arrives_elsewhere_is_refused():
-    run = begin()
-    run.until(0.05)
-    # As code that keeps a state between runs would do.
-    run._given.append(Command(0.01, "loss", value=1.0))
-    with pytest.raises(EngineError, match=r"branch: stepped again to t = 0\.0\d+ s, the run arriv"):
-        run.branch()

@@ -33,12 +33,9 @@ def test_each_row_is_that_of_the_seed_in_force_when_it_was_decided(changes):
 
 
 def test_rows_decided_before_a_change_stay_also_in_tables_of_other_purposes():
-    seeds = Seeds(1)
-    tables = Tables(seeds, "link")
-    for row in range(300):
+    tables = Tables(Seeds(1, [(3.0, 2)]), "link")
+    for row in range(301):
         tables.decide(row, row / 100)
-    seeds.change(3.0, 2)
-    tables.decide(300, 3.0)
     late = tables["made after the change"]
     one, other = (Draws(seed, "link", "made after the change") for seed in (1, 2))
     assert [late.value(k) for k in range(300)] == [one.value(k) for k in range(300)]
@@ -52,12 +49,6 @@ def test_what_looks_back_finds_what_was_decided_before():
     at_once = tables()
     hits = [k for k in range(600) if at_once.value(k) >= 0.99]
     assert last == [max([h for h in hits if h <= k], default=0) for k in range(600)]
-
-
-def test_a_change_must_come_after_the_others():
-    seeds = Seeds(0, [(1.0, 5)])
-    with pytest.raises(ValueError, match=r"at: expected more than 1 s, got 1"):
-        seeds.change(1.0, 7)
 
 
 @given(st.integers(1, 198), st.integers(1, 9))

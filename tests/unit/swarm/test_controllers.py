@@ -1,6 +1,5 @@
 """Controllers in place of the paper's filter: what they see, and what their mistakes say."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -312,23 +311,6 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
 )
 def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"
-
-
-@pytest.mark.parametrize("name", ["orca", "cbfpy"])
-def test_a_baseline_by_a_library_runs_if_the_library_is_here(name):
-    pytest.importorskip({"orca": "pyrvo"}.get(name, name))
-    hurried = {"time.timeout": 0.2, "safety.function.radius": 1.01}  # compiling takes longer
-    found = run(name, "unicycles", duration=0.2, **hurried)
-    assert found.summary.outcome == "guaranteed"
-    assert found.metrics["input_deviation_mean"][0] > 0.0
-
-
-@pytest.mark.parametrize(("name", "library"), [("orca", "pyrvo"), ("cbfpy", "cbfpy")])
-def test_a_baseline_whose_library_is_not_here_names_the_extra(name, library, monkeypatch):
-    monkeypatch.setitem(sys.modules, library, None)
-    monkeypatch.delitem(sys.modules, "phalanx.baselines.cbfpy_pairs", raising=False)
-    with pytest.raises(ScenarioError, match=rf"controller of 1: .*'phalanx-swarm\[{name}\]'$"):
-        run(name, "unicycles")
 
 
 @pytest.mark.nightly

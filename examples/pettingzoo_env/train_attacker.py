@@ -1,6 +1,6 @@
-"""Train an attacker for about a minute, and compare it to attacks that ship.
+"""Train an attacker for some minutes, and compare it to attacks that ship.
 
-pip install 'phalanx-swarm[pettingzoo]' cmaes; python examples/train_attacker.py [GENERATIONS]
+pip install pettingzoo cmaes; python examples/pettingzoo_env/train_attacker.py [GENERATIONS]
 """
 
 import sys
@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from cmaes import CMA
+from swarm_env import SwarmEnv
 
 import phalanx
 
@@ -20,14 +21,14 @@ BOTH = {"clock": {"period": 0.02}, "disturbance": {"bound": 0.5}, "spread": [0.2
 CHASE, WORST = {"type": "chase", "gains": [5.0]}, {"type": "worst"}
 
 
-def scenario(attack, seed=0):
+def settings(attack):
     agents = [{**NORMAL, **BOTH}, {**ATTACKER, **BOTH, "law": attack}]
-    return phalanx.load("unicycles", {"agents": agents, "safety.eta": 0.0, "duration": 3.0}, seed)
+    return {"agents": agents, "safety.eta": 0.0, "duration": 3.0}
 
 
 def action(weights, seen):
     """Return a linear function of where the target is and heads, seen from the attacker."""
-    (x, y, heading), (own_x, own_y, own) = seen[:3], seen[3:6]
+    (x, y, heading), (own_x, own_y, own) = seen[:3], seen[3:]
     apart = (x - own_x + 1j * (y - own_y)) * np.exp(-1j * own) / 5.0
     features = [apart.real, apart.imag, np.cos(heading - own), np.sin(heading - own), 1.0]
     return np.clip(weights.reshape(2, 5) @ features, [-2.0, -1.0], [2.0, 1.0])
@@ -35,13 +36,12 @@ def action(weights, seen):
 
 def trained(weights, seeds=range(2)):
     """Return the largest h of an episode for each seed; above 0 is unsafe."""
-    env, largest = phalanx.parallel_env(scenario(WORST), every=0.1), []
+    env, largest = SwarmEnv("unicycles", overrides=settings(WORST)), []
     for seed in seeds:
-        (seen, infos), rewards = env.reset(seed=seed), [0.0]
+        seen, infos = env.reset(seed=seed)
         while env.agents:
-            seen, reward, *_ = env.step({"2": action(weights, seen["2"])})
-            rewards.append(reward["2"])
-        largest.append(infos["2"]["h"] + sum(rewards))
+            seen, *_, infos = env.step({"2": action(weights, seen["2"])})
+        largest.append(infos["2"]["peak"])
     return largest
 
 
@@ -54,6 +54,7 @@ if __name__ == "__main__":
             search.tell([(x, -np.mean(h)) for x, h in zip(xs, pool.map(trained, xs), strict=True)])
     found = {"trained": trained(search.mean, fresh)}
     for name, law in (("chase", CHASE), ("worst", WORST)):
-        runs = (phalanx.run(scenario(law, seed), engine="in-process") for seed in fresh)
+        scenarios = (phalanx.load("unicycles", settings(law), seed) for seed in fresh)
+        runs = (phalanx.run(scenario, engine="in-process") for scenario in scenarios)
         found[name] = [run.h["1-2"].max() for run in runs]
     print(*(f"{n}: largest h {np.mean(h):.2f} in the mean" for n, h in found.items()), sep="\n")

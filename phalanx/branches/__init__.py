@@ -1,1 +1,0 @@
-"""Branches of a run, which say from when on a violation was inevitable (phalanx branch)."""

@@ -1,0 +1,42 @@
+"""phalanx compile: the functions that a scenario's runs call, as machine code."""
+
+import contextlib
+import time
+from collections.abc import Callable
+
+from phalanx_plant.run import ENDINGS
+
+from phalanx.launcher.in_process_engine import DirectRun
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.runnable import compile_rows, require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.expressions.native import build, missing, require_compiler
+
+_PATIENCE = 20.0
+"""Wall time of the run that shows which functions are needed, at most [s]."""
+
+
+def compile_scenario(scenario: Scenario, progress: Callable[[int, int], None]) -> int:
+    """Compile the functions that the scenario's runs call, unless the cache has them.
+
+    A run in this process, or the beginning of a long one, shows which these are. Progress is called
+    with the number compiled, and of all that will be.
+
+    Returns the number compiled. Raises ScenarioError, and OSError if there is no compiler, it
+    fails, or the cache cannot be written.
+    """
+    require_compiler()
+    # If the run breaks, what it called until then is known.
+    with missing() as functions, contextlib.suppress(*ENDINGS):
+        rows = require_runnable(build_swarm(scenario))
+        compile_rows(rows)
+        run, end = DirectRun(rows, None), time.monotonic() + _PATIENCE
+        instants = contextlib.closing(run.clock.instants(scenario.duration))
+        with endless_loops(scenario.time.timeout), instants as passing:
+            for _ in passing:
+                if time.monotonic() > end:
+                    break
+        run.plant.complete()
+    build(functions, lambda count: progress(count, len(functions)))
+    return len(functions)

@@ -1,1 +1,0 @@
-"""Swarms as environments for learned agents, by the interface of PettingZoo (an extra)."""
