@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import zenoh
+from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from phalanx.faults.commands import Command, CommandKind
@@ -25,8 +26,8 @@ from phalanx.hosts.authority import Authority, make_identities, private_pem, wri
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
 from phalanx.wire import liveliness
-from phalanx.wire.credentials import AUTHORITY, AUTHORITY_KEY, Admission, tls
-from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, VIEWER, Keys
+from phalanx.wire.credentials import AUTHORITY, Admission, tls
+from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint, open_hub
@@ -126,7 +127,7 @@ def play_the_hub(endpoint: str, certificate: Path) -> None:
 
 HUBS = {
     f"{whose} certificate: plays the hub": name
-    for whose, name in (("agent 3's", INSIDER), ("viewer's", VIEWER), ("claimant's", CLAIMANT))
+    for whose, name in (("agent 3's", INSIDER), ("viewer's", VIEWER))
 }
 """Whose certificate each shows."""
 CERTIFIED: Mapping[str, Shown] = {
@@ -150,7 +151,7 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
     agents = [name for name, _, _ in load(SCENARIO, OVERRIDES).roster()]
     with tempfile.TemporaryDirectory() as parent:
         keys, folder = Path(parent) / "keys", Path(parent) / RUN
-        _make_keys(keys, [PLANT, VIEWER, OPERATOR, CLAIMANT, *agents])
+        _make_keys(keys, [PLANT, VIEWER, OPERATOR, *agents])
         attacker = _start(__file__, attack, endpoint, str(keys))
         of_run = ["--run", RUN, "--scenario", SCENARIO]
         of_run += [word for override in OVERRIDES for word in ("--set", override)]
@@ -182,14 +183,10 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
 
 def _make_keys(keys: Path, names: list[str]) -> None:
     """Folders of certificates by who signed them, or how long ago."""
-    for authority, valid in ((OURS, _MONTH), (FOREIGN, _MONTH), ("past", -_MONTH)):
-        make_identities(keys / authority, names, ["127.0.0.1"], valid, claims=True)
+    ours, _ = (make_identities(keys / of, names, ["127.0.0.1"], _MONTH) for of in (OURS, FOREIGN))
     # Signed by the run's own authority, and all right but for their dates.
-    signing = keys / "past" / PLANT
-    (signing / AUTHORITY_KEY).unlink()
-    (keys / OURS / PLANT / AUTHORITY_KEY).rename(signing / AUTHORITY_KEY)
-    long_ago = Authority.read(signing)
-    assert long_ago is not None
+    expired = x509.load_pem_x509_certificate(Authority.new(-_MONTH).certificate)
+    long_ago = Authority(expired, ours.key)
     for name in names:
         (keys / EXPIRED / name).mkdir(parents=True)
         key = ec.generate_private_key(ec.SECP256R1())

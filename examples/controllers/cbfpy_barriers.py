@@ -80,7 +80,7 @@ class Pairs(NamedTuple):
 
     @property
     def second(self):
-        """Whether the inputs are accelerations."""
+        """True if the inputs are accelerations."""
         return isinstance(self.own, DoubleIntegrator)
 
     @property

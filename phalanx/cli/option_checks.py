@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from phalanx.extensions import extension
 from phalanx.wire.credentials import (
     AUTHORITY,
     CERTIFICATE,
@@ -181,12 +180,6 @@ def identity_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | N
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         if not (folder / name).is_file():
             raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
-    try:
-        extension("require-current")(folder)
-    except (ValueError, OSError) as error:
-        raise typer.BadParameter(
-            f"--keys: {folder}: {error}; make new ones: phalanx keys"
-        ) from error
     return folder
 
 

@@ -1,7 +1,6 @@
 """phalanx plant, agent and tap: a single program of a run, and the messages between them."""
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -101,11 +100,8 @@ def agent(
     scenario: ScenarioOption,
     run: RunId,
     name: Annotated[
-        str | None, typer.Argument(help="The name of the agent to run.", show_default=False)
-    ] = None,
-    claim: Annotated[
-        bool, typer.Option("--claim", help="Run the first agent whose place is free, or gets free.")
-    ] = False,
+        str, typer.Argument(help="The name of the agent to run.", show_default=False)
+    ] = "",
     connect: Connect = "",
     timeout: Timeout = 60.0,
     seed: Seed = None,
@@ -120,38 +116,28 @@ def agent(
     Under centralised control one process, named controller, decides for all normal agents.
 
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/127.0.0.1:7447
-      phalanx agent --claim --keys keys/claimant --connect tls/plant.example.org:7447 ...
     """
     from phalanx.scenario.load import load
-    from phalanx.wire.keys import CLAIMANT
     from phalanx.wire.membership import Membership
 
     resolved = load(scenario, overrides or (), seed)
     names = resolved.programs()
-    if (name in names) == claim or (name is not None and claim):
-        got = f"got {name or 'neither'}" + (" with --claim" if claim else "")
-        raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, or --claim, {got}")
+    if name not in names:
+        expected = f"expected one of {', '.join(names)}"
+        raise typer.BadParameter(f"agent: {expected}, got {name or 'no name'}")
     endpoint = endpoint_for(connect, keys)
     own = identity_for(keys, endpoint, insecure)
-    membership = Membership(run, endpoint, secret.encode(), name or CLAIMANT, timeout, own)
+    membership = Membership(run, endpoint, secret.encode(), name, timeout, own)
     return _run_here(resolved, membership, {})
 
 
 def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str, Any]) -> int:
-    from phalanx.extensions import extension
     from phalanx.launcher.programs import configure_logging, run_program
-    from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
-    from phalanx.wire.keys import CLAIMANT
 
     configure_logging()
-    claimant = membership.identity == CLAIMANT
-    request_place = extension("request-place") if claimant else lambda *_: nullcontext(membership)
-    rows = build_rows(build_swarm(scenario))
-    # Last: the plant keeps a place for its agent for a short time only.
-    with request_place(membership, digest(scenario)) as own:
-        return run_program(rows, own, options) if own else 0
+    return run_program(build_rows(build_swarm(scenario)), membership, options)
 
 
 def tap(

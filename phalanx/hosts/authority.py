@@ -6,14 +6,14 @@ An identity is an X.509 certificate of a program's name, and its private key.
 import datetime
 import ipaddress
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
 import typer
 
-from phalanx.wire.credentials import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
-from phalanx.wire.keys import HUBS, PLANT
+from phalanx.wire.credentials import AUTHORITY, CERTIFICATE, PRIVATE_KEY
+from phalanx.wire.keys import HUBS
 
 try:
     from cryptography import x509
@@ -27,26 +27,11 @@ except ImportError as error:
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
 
-def signer(identity_folder: Path) -> Callable[[str, bytes], bytes]:
-    """Make a function that signs a name and public key with the authority's key of a plant.
-
-    It raises ValueError if there is no key. Raises OSError, ValueError: the key cannot be read.
-    """
-    authority = Authority.read(identity_folder)
-
-    def sign(name: str, public_key: bytes) -> bytes:
-        if authority is None:
-            raise ValueError("the plant's identity was made without `phalanx keys --claims`")
-        return authority.sign(name, read_public(public_key))
-
-    return sign
-
-
 class Authority:
     """Signs the identities of a run's programs."""
 
     def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
-        self._certificate, self._key = certificate, key
+        self._certificate, self.key = certificate, key
 
     @classmethod
     def new(cls, valid: datetime.timedelta) -> Self:
@@ -64,24 +49,10 @@ class Authority:
         )
         return cls(certificate, key)
 
-    @classmethod
-    def read(cls, folder: Path) -> Self | None:
-        """Read the authority from a plant's folder, if it is there. Raises OSError, ValueError."""
-        if not (folder / AUTHORITY_KEY).exists():
-            return None
-        key = serialization.load_pem_private_key((folder / AUTHORITY_KEY).read_bytes(), None)
-        assert isinstance(key, ec.EllipticCurvePrivateKey)
-        return cls(x509.load_pem_x509_certificate((folder / AUTHORITY).read_bytes()), key)
-
     @property
     def certificate(self) -> bytes:
         """Its own, PEM."""
         return self._certificate.public_bytes(serialization.Encoding.PEM)
-
-    @property
-    def private_key(self) -> bytes:
-        """The key that it signs with, PEM."""
-        return private_pem(self._key)
 
     def sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str] = ()) -> bytes:
         """Sign a name and a public key; return an X.509 certificate, PEM.
@@ -102,7 +73,7 @@ class Authority:
             alternatives = x509.SubjectAlternativeName(names)
             builder = builder.add_extension(alternatives, critical=False)
         builder = builder.add_extension(x509.ExtendedKeyUsage(usage), critical=False)
-        signed = builder.sign(self._key, hashes.SHA256())
+        signed = builder.sign(self.key, hashes.SHA256())
         return signed.public_bytes(serialization.Encoding.PEM)
 
 
@@ -111,17 +82,16 @@ def make_identities(
     names: Iterable[str],
     hosts: Iterable[str],
     valid: datetime.timedelta,
-    claims: bool = False,
-) -> None:
-    """Make an authority, and a folder with the identity of each name.
+) -> Authority:
+    """Make an authority, and a folder with the identity of each name; return the authority.
 
     Args:
         folder: parent of these folders; new or empty; its owner alone can read it.
         names: of the programs, the common names of their identities.
         hosts: names and addresses of the hub.
         valid: time until they expire.
-        claims: keep the authority's key in the plant's folder, to sign for agents that request a
-            place. Otherwise the key is lost, and no identity can be added later.
+
+    The authority's key is written nowhere: no identity can be added later.
 
     Raises:
         FileExistsError: the folder is not empty. OSError: it cannot be written.
@@ -139,21 +109,7 @@ def make_identities(
             authority.sign(name, key.public_key(), hub_hosts if name in HUBS else ()),
             private_pem(key),
         )
-        if claims and name == PLANT:
-            _write(own / AUTHORITY_KEY, authority.private_key)
-
-
-def require_current(folder: Path) -> None:
-    """Reject identities that older versions made: with those any program can pass for the hub.
-
-    Raises ValueError: it is such, or not an identity. OSError: it cannot be read.
-    """
-    certificate = x509.load_pem_x509_certificate((folder / CERTIFICATE).read_bytes())
-    try:
-        certificate.extensions.get_extension_for_class(x509.KeyUsage)
-    except x509.ExtensionNotFound as error:
-        why = "keys of an older version, with which an agent can pass for the plant"
-        raise ValueError(why) from error
+    return authority
 
 
 def write_identity(folder: Path, authority: bytes, certificate: bytes, key: bytes) -> None:
@@ -177,24 +133,6 @@ def private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     )
 
 
-def public_der(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """Encode the public half of a key for a message."""
-    return key.public_key().public_bytes(
-        serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
-    )
-
-
-def read_public(der: bytes) -> ec.EllipticCurvePublicKey:
-    """Decode a public key of a message. Raises ValueError: it is none on the curve P-256."""
-    try:
-        key = serialization.load_der_public_key(der)
-    except Exception as error:  # the library's parsers raise many kinds
-        raise ValueError("not a public key") from error
-    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
-        raise ValueError("not a public key on the curve P-256")
-    return key
-
-
 def _builder(
     subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey
 ) -> x509.CertificateBuilder:
@@ -208,7 +146,7 @@ def _builder(
 
 
 def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
-    """Make the extension for a key's usage; require_current looks for it."""
+    """Make the extension for a key's usage."""
     return x509.KeyUsage(
         digital_signature=not signs_certificates,
         key_cert_sign=signs_certificates,

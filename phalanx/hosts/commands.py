@@ -52,14 +52,6 @@ def keys(
             "to the first, at port 7447, unless --connect names another.",
         ),
     ] = None,
-    claims: Annotated[
-        bool,
-        typer.Option(
-            "--claims",
-            help="Let agents take free places (phalanx agent --claim) with DIR/claimant: the plant "
-            "keeps the authority's key, to sign identities for them.",
-        ),
-    ] = False,
     days: Annotated[
         float,
         typer.Option(
@@ -80,20 +72,19 @@ def keys(
       phalanx keys keys --scenario unicycles --host plant.example.org
       phalanx plant --keys keys/plant --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
       phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
-      phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
     from phalanx.hosts.authority import make_identities
     from phalanx.scenario.load import load
     from phalanx.schema.user_code import code_trusted
     from phalanx.wire.credentials import ENDPOINT
-    from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
+    from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER
 
     with code_trusted(trust):
         programs = load(scenario, overrides or ()).programs()
-    names = [PLANT, ROUTER, VIEWER, OPERATOR, *([CLAIMANT] if claims else []), *programs]
+    names = [PLANT, ROUTER, VIEWER, OPERATOR, *programs]
     hub_hosts = ["localhost", "127.0.0.1", *(hosts or ())]
     try:
-        make_identities(folder, names, hub_hosts, datetime.timedelta(days=days), claims)
+        make_identities(folder, names, hub_hosts, datetime.timedelta(days=days))
         for host in (hosts or ())[:1]:
             at = f"[{host}]" if ":" in host else host  # an IPv6 address
             for name in names:

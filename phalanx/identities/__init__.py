@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.credentials import Admission
-from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
 
 Subject = Literal["usernames", "cert_common_names"]
@@ -22,7 +22,7 @@ def admission(swarm: Swarm, membership: Membership) -> Admission:
     """Make the admission for a hub; membership: its own, the plant's or a router's."""
     at_router = membership.identity == ROUTER
     programs = swarm.programs
-    names = (VIEWER, ROUTER, CLAIMANT, *programs, *([PLANT] if at_router else []))
+    names = (VIEWER, ROUTER, *programs, *([PLANT] if at_router else []))
     heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
     subject: Subject = "cert_common_names" if membership.identity_folder else "usernames"
     return Admission(
@@ -53,7 +53,7 @@ def access_control(
     programs = {name: _viewer(keys, may) for name, may in may_command.items()}
     programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
     programs |= {PLANT: _plant(keys)} if with_plant else {}
-    programs |= {ROUTER: _router(keys), CLAIMANT: _claimant(keys)}
+    programs |= {ROUTER: _router(keys)}
     # The hub copies its rules for every connection, so equal rules of programs are one.
     ids = {rule: str(n) for n, rule in enumerate(dict.fromkeys(chain(*programs.values())))}
     return {
@@ -97,8 +97,8 @@ def _plant(keys: Keys) -> list[_Rule]:
     return [
         ("ingress", ("put",), keys.from_plant),
         ("ingress", ("liveliness_token",), (keys.alive(PLANT),)),
-        ("ingress", ("declare_queryable", "reply"), (keys.scenario, keys.place)),
-        ("egress", ("query",), (keys.scenario, keys.place)),
+        ("ingress", ("declare_queryable", "reply"), (keys.scenario,)),
+        ("egress", ("query",), (keys.scenario,)),
         *_listening(keys, keys.to_plant, keys.alive("*")),
     ]
 
@@ -110,15 +110,6 @@ def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
         ("ingress", ("query",), (keys.scenario,)),
         ("egress", ("reply", "declare_queryable"), (keys.scenario,)),
         *_listening(keys, keys.to_viewers, keys.alive("*")),
-    ]
-
-
-def _claimant(keys: Keys) -> list[_Rule]:
-    """Allow a claimant to query for a place, and to see the plant's and routers' tokens."""
-    return [
-        ("ingress", ("query",), (keys.place,)),
-        ("egress", ("reply", "declare_queryable"), (keys.place,)),
-        *_watching(keys.alive(PLANT), keys.alive(ROUTER)),
     ]
 
 
@@ -135,11 +126,7 @@ def _router(keys: Keys) -> list[_Rule]:
 def _listening(keys: Keys, seen: tuple[str, ...], *tokens: str) -> Iterator[_Rule]:
     yield "ingress", ("declare_subscriber",), seen
     yield "egress", ("put",), seen
-    yield from _watching(*tokens)
-    # Without it a publisher has no subscribers, and silently sends nothing.
-    yield "egress", ("declare_subscriber",), (keys.everything,)
-
-
-def _watching(*tokens: str) -> Iterator[_Rule]:
     yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), tokens
     yield "egress", ("liveliness_token",), tokens
+    # Without it a publisher has no subscribers, and silently sends nothing.
+    yield "egress", ("declare_subscriber",), (keys.everything,)

@@ -23,7 +23,7 @@ from phalanx.theory.expressions.user_methods import error_line, located_class
 
 CONTROLLER = "controller"
 """Process name of the controller of all normal agents, for safety.control = "centralised"."""
-_PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", "router", "claimant", CONTROLLER})
+_PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", "router", CONTROLLER})
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 

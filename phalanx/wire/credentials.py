@@ -12,10 +12,8 @@ from typing import Any, Literal
 SECRET, COMMAND_SECRET = "PHALANX_SECRET", "PHALANX_COMMAND_SECRET"
 """Environment variables of the run's secrets; a launcher's agents do not get them."""
 AUTHORITY, CERTIFICATE, PRIVATE_KEY = "ca.crt", "tls.crt", "tls.key"
-AUTHORITY_KEY = "ca.key"
-"""A fourth file in the plant's folder, if agents may request free places."""
 ENDPOINT = "endpoint"
-"""Another one, if the hub's host was known: the endpoint to connect to."""
+"""A fourth file, if the hub's host was known: the endpoint to connect to."""
 
 
 def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:

@@ -13,8 +13,6 @@ OPERATOR = "operator"
 """A viewer that may command, where programs have TLS identities."""
 ROUTER = "router"
 """A hub apart from the plant."""
-CLAIMANT = "claimant"
-"""A program that requests the place of an agent, and has no other name yet."""
 HUBS = (PLANT, ROUTER)
 """The programs that others connect to; no other may pass for one."""
 SHARED = ""
@@ -74,11 +72,6 @@ class Keys:
     def scenario(self) -> str:
         """Query to the plant: the resolved scenario."""
         return self._key("scenario")
-
-    @property
-    def place(self) -> str:
-        """Query of a claimant to the plant: the place of an agent that is free."""
-        return self._key("place")
 
     @property
     def command(self) -> str:
@@ -156,12 +149,10 @@ def link(sender: str, receiver: str) -> str:
 def owner(key: str) -> str:
     """Return the name of the secret key that seals messages on a key expression.
 
-    It is the agent's between it and the plant, the link's between two agents, the claimant's for
-    requests of places, and else the shared one.
+    It is the agent's between it and the plant, the link's between two agents, and else the shared
+    one.
     """
     kind, name = kind_and_name(key)
-    if kind == "place":
-        return CLAIMANT
     if kind == "broadcast":
         return link(name, key.rsplit("/", 1)[-1])
     return name if kind in _AGENT_KINDS else SHARED

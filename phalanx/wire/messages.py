@@ -1,7 +1,7 @@
 """Messages between the programs of a run, each an array of msgpack; see docs/wire.md.
 
 An agent answers a sample with three messages: an Actuation for its actuator, a Broadcast for each
-peer, and Telemetry for the plant's recording. Messages of claimants and of viewers follow.
+peer, and Telemetry for the plant's recording. Messages of viewers follow.
 """
 
 import math
@@ -141,26 +141,6 @@ class Ended(Message, frozen=True, kw_only=True):
     """Plant to everyone, once: the run's summary as JSON."""
 
     summary: bytes
-
-
-class PlaceRequest(Message, frozen=True, kw_only=True):
-    """A claimant to the plant, as a query: request the place of an agent that is free."""
-
-    digest: str
-    """Of the claimant's scenario."""
-    public_key: bytes
-    """Of a new key pair of the claimant's: SubjectPublicKeyInfo in DER."""
-
-
-class Place(Message, frozen=True, kw_only=True):
-    """The plant's answer: the name of the agent to run, and its TLS identity."""
-
-    name: str = ""
-    """Of the program; empty if no place is free now."""
-    certificate: bytes = b""
-    """X.509, PEM, of that name and the public key; empty if programs have passwords."""
-    refusal: str = ""
-    """Why no place will be given; empty if one may be given later."""
 
 
 class AgentStatus(msgspec.Struct, array_like=True, frozen=True):

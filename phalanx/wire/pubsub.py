@@ -174,27 +174,18 @@ class ViewerCopies:
 
 def answer(session: zenoh.Session, key: str, payload: bytes) -> None:
     """Answer every query on the key with the same payload, until the session closes."""
-    answer_each(session, key, lambda _: payload)
-
-
-def answer_each(session: zenoh.Session, key: str, reply: Callable[[bytes], bytes | None]) -> None:
-    """Answer each query on the key with reply(payload), in Zenoh's own thread; None: no answer."""
 
     def on_query(query: zenoh.Query) -> None:
-        payload = reply(query.payload.to_bytes() if query.payload else b"")
-        if payload is not None:
-            query.reply(key, payload)
+        query.reply(key, payload)
 
     session.declare_queryable(key, zenoh.handlers.Callback(on_query, indirect=False))
 
 
-def ask(
-    session: zenoh.Session, key: str, timeout: float, question: bytes | None = None
-) -> bytes | None:
+def ask(session: zenoh.Session, key: str, timeout: float) -> bytes | None:
     """Return the first answer to a query on the key, or None after `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while True:
-        for reply in session.get(key, payload=question, timeout=min(timeout, 1.0)):
+        for reply in session.get(key, timeout=min(timeout, 1.0)):
             if reply.ok is not None:
                 return reply.ok.payload.to_bytes()
         if time.monotonic() > deadline:

@@ -6,7 +6,6 @@ The image is built unless PHALANX_IMAGE names one; PHALANX_BASE names another ba
 import contextlib
 import json
 import os
-import re
 import shutil
 import subprocess
 import time
@@ -25,6 +24,7 @@ from tests.process.runs import wait_for
 
 ROOT = Path(__file__).parents[2]
 SEED = 3
+AGENTS = [f"agent-{name}" for name in phalanx.load("unicycles").programs()]
 pytestmark = [pytest.mark.timeout(600), pytest.mark.nightly]
 
 
@@ -50,7 +50,7 @@ class Stack:
 
     def said(self, what: str) -> list[str]:
         """The lines of the agents' and the plant's logs that have this text."""
-        logs = self("logs", "--no-color", "agent", "plant")
+        logs = self("logs", "--no-color", *AGENTS, "plant")
         return [line for line in logs.splitlines() if what in line]
 
     def verdict(self) -> dict[str, Any]:
@@ -135,13 +135,13 @@ def image(compose: list[str]) -> str:
 
 @pytest.fixture
 def start(compose: list[str], image: str) -> Iterator[Callable[..., Stack]]:
-    """Bring stacks up with so many agents; they are taken down, whatever happens."""
+    """Bring stacks up; they are taken down, whatever happens."""
     with contextlib.ExitStack() as stacks:
 
-        def up(*services: str, agents: int = 5, **environment: str) -> Stack:
+        def up(*services: str, **environment: str) -> Stack:
             stack = Stack(compose, PHALANX_IMAGE=image, PHALANX_SEED=str(SEED), **environment)
             stacks.callback(stack, "down", "--volumes", "--timeout", "2", check=False)
-            stack("up", "-d", "--no-build", "--scale", f"agent={agents}", *services)
+            stack("up", "-d", "--no-build", *services)
             return stack
 
         yield up
@@ -161,8 +161,7 @@ def key_volumes(service: dict[str, Any]) -> list[str]:
 def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: list[str]) -> None:
     text = Stack(compose)("config")
     services = yaml.safe_load(text)["services"]
-    assert set(services) == {"keys", "plant", "viewer", "agent"}
-    assert services["agent"]["deploy"]["replicas"] == len(phalanx.load("unicycles").programs())
+    assert set(services) == {"keys", "plant", "viewer", *AGENTS}
     for name, service in services.items():
         assert "tls/" in service["environment"]["PHALANX_CONNECT"], name
         assert len(key_volumes(service)) == 1 or name == "keys", "each has its own alone"
@@ -172,6 +171,19 @@ def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: lis
         assert "healthcheck" in service or name == "keys", name
         published = [str(port) for port in service.get("ports", [])]
         assert all("127.0.0.1" in port for port in published), name
+
+
+def test_each_agent_is_a_service_of_its_name_with_its_own_key_alone() -> None:
+    services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+    agents = {name: service for name, service in services.items() if "agent" in service["command"]}
+    assert list(agents) == AGENTS
+    for service, agent in agents.items():
+        name = service.removeprefix("agent-")
+        assert agent["command"] == ["agent", name]
+        assert agent["volumes"] == [f"{service}-keys:/keys:ro"]
+        assert f"{service}-keys:/keys/{name}" in services["keys"]["volumes"], "where it is made"
+        alike = {k: v for k, v in agent.items() if k not in ("command", "volumes")}
+        assert alike.items() <= agents[AGENTS[0]].items(), "and else as the first"
 
 
 def test_no_container_but_the_plants_shares_a_network_with_the_viewer() -> None:
@@ -188,10 +200,13 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
 ) -> None:
     stack = start()
     wait_for_page("http://127.0.0.1:8080", 60.0)
-    wait_for(lambda: len(stack.said("got the place of")) == 5)
+    wait_for(lambda: len(stack.said("joined run")) == 5)
+    named = sorted(line[: len("agent-1")] for line in stack.said("joined run"))
+    assert named == AGENTS, "by the names of their services"
+    assert set(stack("ps", "--services").split()) >= {*AGENTS, "plant", "viewer"}
     (plant,) = stack.containers("plant")
     before = sent_again(plant)
-    with cut_off(stack.containers("agent")[0]):
+    with cut_off(*stack.containers("agent-1")):
         wait_for(lambda: sent_again(plant) > before + 3)
     contained, local = stack.verdict(), alone("unicycles", tmp_path)
     assert contained["trajectory"] == local.trajectory
@@ -200,34 +215,31 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
 
 
 def test_the_verdict_names_an_agent_whose_container_was_killed(start: Callable[..., Stack]) -> None:
-    stack = start("agent")
+    stack = start(*AGENTS)
     wait_for(lambda: len(stack.said("joined run")) == 5)
-    docker("kill", stack.containers("agent")[2])
+    docker("kill", *stack.containers("agent-3"))
     summary = stack.verdict()
     assert summary["outcome"] == "broken"
-    assert re.search(r"agent \d died", summary["reason"])
+    assert summary["reason"].startswith("agent 3 died")
 
 
-def test_another_container_takes_the_place_of_an_agent_that_dies_by_the_scenario(
+def test_the_container_of_an_agent_that_dies_by_the_scenario_comes_again(
     start: Callable[..., Stack], tmp_path: Path
 ) -> None:
-    stack = start("agent", PHALANX_SCENARIO="faults/restart", agents=4)
+    stack = start(*AGENTS[:4], PHALANX_SCENARIO="faults/restart")
     contained, local = stack.verdict(), alone("faults/restart", tmp_path)
-    assert len(stack.said("got the place of")) == 5
-    assert len(stack.said("got the place of 1")) == 2
+    joined = [line for line in stack.said("joined run") if line.startswith("agent-1")]
+    assert len(joined) == 2
     assert contained["trajectory"] == local.trajectory
     assert contained["outcome"] == local.outcome
 
 
-def test_a_spare_takes_the_place_of_a_killed_container_in_real_time(
+def test_an_agent_whose_container_is_started_again_comes_back_in_real_time(
     start: Callable[..., Stack],
 ) -> None:
-    stack = start("agent", PHALANX_REAL_TIME="1", agents=6)
-    wait_for(lambda: len(stack.said("got the place of")) == 5)
-    wait_for(lambda: stack.said("joined run"))
-    claims = "got the place of 3"
-    (third,) = (each for each in stack.containers("agent") if claims in docker("logs", each))
-    docker("kill", third)
-    wait_for(lambda: len(stack.said(claims)) == 2)
-    summary = stack.verdict()
-    assert summary["outcome"] != "broken"
+    stack = start(*AGENTS, PHALANX_REAL_TIME="1")
+    wait_for(lambda: len(stack.said("joined run")) == 5)
+    docker("kill", *stack.containers("agent-3"))
+    docker("start", *stack.containers("agent-3"))
+    wait_for(lambda: len(stack.said("joined run")) == 6)
+    assert stack.verdict()["outcome"] != "broken"

@@ -1,5 +1,7 @@
 """docs/deploy/kubernetes.yaml: valid, and every pod is given its own key alone."""
 
+import os
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -37,19 +39,45 @@ def test_there_is_a_pod_for_every_agent_of_the_scenario() -> None:
     job = BY_NAME["Job", "agents"]["spec"]
     agents = phalanx.load(run["PHALANX_SCENARIO"]).programs()
     assert job["completions"] == job["parallelism"] == len(agents)
+    assert job["completionMode"] == "Indexed"
+    (agent,) = job["template"]["spec"]["containers"]
+    (command,) = (word for word in agent["command"] if "phalanx agent" in word)
+    numbered = [ran(command, index) for index in range(job["completions"])]
+    assert numbered == [["agent", name, "--timeout", "300"] for name in agents]
 
 
-def test_every_pod_is_given_one_secret_of_those_that_are_made() -> None:
+def ran(command: str, index: int) -> list[str]:
+    """The arguments with which a pod's command starts phalanx."""
+    shown = "phalanx() { printf '%s\\n' \"$@\"; }; " + command.replace("exec ", "")
+    environment = {**os.environ, "JOB_COMPLETION_INDEX": str(index)}
+    return subprocess.check_output(["sh", "-c", shown], env=environment, text=True).split()
+
+
+def test_the_pod_of_an_index_is_shown_the_key_of_its_agent_alone() -> None:
+    pod = PODS["agents"]
+    (agent,) = pod["containers"]
+    (mount,) = (m for m in agent["volumeMounts"] if m["name"] == "keys")
+    assert mount["subPathExpr"] == "$(JOB_COMPLETION_INDEX)"
+    (keys,) = (volume["projected"] for volume in pod["volumes"] if volume["name"] == "keys")
+    shown = {
+        source["secret"]["name"]: [item["path"] for item in source["secret"]["items"]]
+        for source in keys["sources"]
+    }
+    files = ("ca.crt", "tls.crt", "tls.key")
+    assert shown == {f"phalanx-{n + 1}": [f"{n}/{file}" for file in files] for n in range(5)}
+
+
+def test_plant_and_viewer_are_given_one_secret_of_those_that_are_made() -> None:
     given = {
         name: [v["secret"]["secretName"] for v in pod["volumes"] if "secret" in v]
         for name, pod in PODS.items()
     }
     assert given == {
         "plant": ["phalanx-plant"],
-        "agents": ["phalanx-claimant"],
+        "agents": [],
         "viewer": ["phalanx-viewer"],
     }
-    assert "for name in plant viewer claimant; do" in MANIFEST.read_text()
+    assert "for name in plant viewer 1 2 3 4 5; do" in MANIFEST.read_text()
 
 
 @pytest.mark.parametrize("job", PODS)
@@ -61,7 +89,7 @@ def test_every_pod_fits_the_restricted_profile(job: str) -> None:
     assert not {"hostNetwork", "hostPID", "hostIPC"} & set(pod)
     assert not pod["automountServiceAccountToken"]
     kinds = {kind for volume in pod["volumes"] for kind in volume if kind != "name"}
-    assert kinds <= {"secret", "emptyDir", "persistentVolumeClaim"}
+    assert kinds <= {"secret", "projected", "emptyDir", "persistentVolumeClaim"}
     for container in pod["containers"]:
         assert container["securityContext"] == {
             "allowPrivilegeEscalation": False,

@@ -4,7 +4,6 @@ A receiver takes a message, or drops and counts it; anything else is a fault.
 """
 
 import contextlib
-import itertools
 import logging
 import random
 from collections.abc import Callable
@@ -12,19 +11,16 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
-from cryptography.hazmat.primitives.asymmetric import ec
 from phalanx_agent.answering import SampleAnswering
 from phalanx_agent.step import Answer, ControlStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.hub.answers import Answers
-from phalanx_plant.hub.joining import Places
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
 from phalanx.faults.commands import ActiveCommands, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
-from phalanx.hosts.authority import public_der, read_public
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
@@ -41,7 +37,6 @@ from phalanx.wire.messages import (
     LinkEvent,
     LogLine,
     Message,
-    PlaceRequest,
     Sample,
     Status,
     Telemetry,
@@ -112,25 +107,8 @@ def _frame(k: int) -> Frame:
 
 
 def _plant() -> list[Receiver]:
-    """The plant's: two kinds of answers, commands, and questions for a place."""
+    """The plant's: two kinds of answers, and commands."""
     answers = Answers(_swarm(), KEYS, SEALER)
-    public_key = public_der(ec.generate_private_key(ec.SECP256R1()))
-    clock = itertools.count(step=3600.0)  # by the next question a place is free again
-
-    def sign(name: str, key: bytes) -> bytes:
-        read_public(key)
-        return name.encode()
-
-    programs = SCENARIO.programs()
-    vacant = dict.fromkeys(_swarm().names, 0)
-    places = Places(programs, lambda: vacant, "digest", sign, lambda: next(clock))
-
-    def question(_: int) -> PlaceRequest:
-        return PlaceRequest(digest="digest", public_key=public_key)
-
-    def on_question(key: str, payload: bytes) -> bool:
-        return bool(places.answer(SEALER.open(key, payload, PlaceRequest)).name)
-
     commands = CommandQueue(CommandPolicy(secret=b"c"), _swarm().names)
 
     def actuation(k: int) -> Actuation:
@@ -164,7 +142,6 @@ def _plant() -> list[Receiver]:
         Receiver(KEYS.actuation("1"), actuation, on_actuation),
         Receiver(KEYS.telemetry("1"), telemetry, on_telemetry),
         Receiver(KEYS.command, command, on_command),
-        Receiver(KEYS.place, question, on_question),
     ]
 
 

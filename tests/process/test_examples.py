@@ -69,7 +69,7 @@ def test_an_attacker_is_trained(tmp_path: Path) -> None:
 
 
 def printed(folder: Path, *example: Path | str) -> str:
-    """What an example prints, run in a folder with arguments."""
+    """Run an example in a folder, with arguments, and return its output."""
     done = subprocess.run([sys.executable, *example], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

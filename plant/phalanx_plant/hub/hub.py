@@ -13,14 +13,13 @@ from typing import ClassVar, Self, TypeVar
 import msgspec
 
 from phalanx.arrays import Array
-from phalanx.extensions import extension
 from phalanx.profile import Stopwatch
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed, Refusals
 from phalanx_plant.hub.answers import Answers
-from phalanx_plant.hub.joining import Joining, Places
+from phalanx_plant.hub.joining import Joining
 from phalanx_plant.hub.session import IncomingQueue, PlantSession
 from phalanx_plant.world.events import SwarmBrokenError
 
@@ -82,16 +81,11 @@ class Hub:
         """Agents that did not answer in time: what else is missing of them is not waited for."""
         self._status = Status()
         """The last status."""
-        # Before the session is open: this may fail.
-        own = membership.identity_folder
-        sign = extension("signer")(own) if own else lambda *_: b""
         joining = self._joining = Joining(swarm, self.may_leave)
         answers = self._answers = Answers(swarm, membership.keys, membership.sealer)
         self._incoming = IncomingQueue(answers.senders, self.refusals, answers.require_pending)
         self.session = PlantSession(swarm, membership, at_router)
         self.session.receive(self._incoming)
-        places = Places(programs, joining.vacant, joining.digest, sign)
-        self.session.give_places(places.answer, self.refusals)
         self.session.announce(joining.digest)
 
     def __enter__(self) -> Self:
@@ -159,7 +153,6 @@ class Hub:
     def restart(self, i: int, t: float) -> None:
         """Request another process for the dead agent i at t [s]."""
         if i in self._alone:
-            self._joining.invite(self._names[i])
             wanted = (self._names[i],)
             self.publish_status(Status(t=t, waiting_for=wanted, restart=True))
 
@@ -257,8 +250,7 @@ class LockstepHub(Hub):
         if i not in self._alone:
             return
         name, left = self._names[i], Countdown(self._timeout)
-        self._joining.invite(name)
-        while self._joining.has(name):
+        while self._joining.exits(name):
             self._take_event(left, f"agent {name} did not die")
         while not self._joining.has(name):
             super().restart(i, t)

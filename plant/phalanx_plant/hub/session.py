@@ -2,7 +2,7 @@
 
 import queue
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from phalanx.identities import admission
 from phalanx.scenario.load import to_json
@@ -10,7 +10,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import MAX_BYTES, Place, PlaceRequest, Setup
+from phalanx.wire.messages import MAX_BYTES, Setup
 from phalanx.wire.pubsub import Delivery, SealedPublisher, ViewerCopies
 from phalanx.wire.seal import Malformed, Refusals
 from phalanx.wire.session import Session, open_hub, open_member
@@ -51,20 +51,6 @@ class PlantSession:
         for every in (keys.actuation("*"), keys.telemetry("*")):
             pubsub.subscribe(self._session, every, incoming.put_payload)
         liveliness.watch(self._session, keys.alive("*"), incoming.put_token)
-
-    def give_places(self, place: Callable[[PlaceRequest], Place], refusals: Refusals) -> None:
-        """Answer claimants with `place`, in a thread of Zenoh's."""
-        key = self._keys.place
-
-        def answer(question: bytes) -> bytes | None:
-            try:
-                request = self._sealer.open(key, question, PlaceRequest)
-            except Malformed as reason:
-                refusals.add(key, reason)
-                return None
-            return self._sealer.seal(key, place(request))
-
-        pubsub.answer_each(self._session, key, answer)
 
     def announce(self, digest: str) -> None:
         """Declare the plant's token, with its scenario's digest."""

@@ -21,7 +21,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
@@ -32,7 +32,7 @@ from tests.process.runs import wait_for
 pytestmark = pytest.mark.swarm
 
 SCENARIO = ("--scenario", "one-on-one", "--set", "duration=0.3", "--run", "r")
-NAMES = [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "1", "2"]
+NAMES = [PLANT, ROUTER, VIEWER, OPERATOR, "1", "2"]
 HOSTS = ["127.0.0.1"]
 MONTH = datetime.timedelta(days=30)
 BLOCK = zenoh.CongestionControl.BLOCK
@@ -208,8 +208,8 @@ def connect_until(answered: SimpleQueue[bool], who: Membership) -> bool:
     return answered.get()
 
 
-@pytest.mark.parametrize("connects", [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "1"])
-@pytest.mark.parametrize("plays_the_hub", [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "2"])
+@pytest.mark.parametrize("connects", [PLANT, ROUTER, VIEWER, OPERATOR, "1"])
+@pytest.mark.parametrize("plays_the_hub", [PLANT, ROUTER, VIEWER, OPERATOR, "2"])
 def test_none_but_plant_and_router_can_play_the_hub(
     connects: str, plays_the_hub: str, keys: Path
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from phalanx.guarantee.verdict import Outcome
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.scenario.load import load
@@ -35,10 +35,26 @@ def started(tmp_path: Path):
 def test_a_run_at_a_router_is_the_run_without_one(started, tmp_path: Path) -> None:
     programs = started(2, "one-on-one", "--set", "duration=0.3")
     programs.start_members()
-    scenario = load("one-on-one", ["duration=0.3"])
-    (folder := tmp_path / "in-process").mkdir()
-    alone = execute(scenario, folder, RunOptions("in-process"))
-    assert programs.summary().trajectory == alone.trajectory
+    assert programs.summary().trajectory == alone(tmp_path, "duration=0.3").trajectory
+
+
+def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_one(
+    started, tmp_path: Path
+) -> None:
+    """As a container comes that its engine restarts whenever it fails."""
+    dies = 'faults=[{kind="restart", at=0.1, for=0.4, agents=["2"]}]'
+    programs = started(2, "one-on-one", "--set", "duration=0.6", "--set", dies)
+    programs.start_members("--speed", "0.05")
+    programs.started[-1].wait()
+    programs.started.append(programs.start("agent", "2", "--connect", programs.endpoint))
+    summary = programs.summary()
+    assert summary.trajectory == alone(tmp_path, "duration=0.6", dies).trajectory
+
+
+def alone(folder: Path, *overrides: str) -> Summary:
+    """The same run in one process."""
+    (own := folder / "in-process").mkdir()
+    return execute(load("one-on-one", overrides), own, RunOptions("in-process"))
 
 
 @pytest.mark.parametrize(("identity", "heard"), [(PLANT, True), ("2", False)])

@@ -81,7 +81,7 @@ REFUSED = [
     ("plant --scenario unicycles --run r --speed inf", "'--speed'"),
     ("plant --scenario unicycles --run r --listen nonsense", "'--listen'"),
     ("agent 1 --scenario unicycles --run r --timeout inf", "'--timeout'"),
-    ("agent --scenario unicycles --run r", "or --claim, got neither"),
+    ("agent --scenario unicycles --run r", "got no name"),
     ("router --scenario unicycles --run r --connect nonsense", "'--connect'"),
     ("viewer --run r --timeout inf", "'--timeout'"),
     ("ros2 a --router nonsense", "'--router'"),

@@ -8,7 +8,7 @@ import zenoh
 
 from phalanx.identities import Subject, access_control
 from phalanx.wire.credentials import Admission, Credentials
-from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.session import free_endpoint, open_client, open_hub
 from tests.process.runs import wait_for
 
@@ -93,11 +93,11 @@ def test_a_viewer_may_command_where_no_certificate_tells_it_from_an_operator(
     subject: Subject, commanding: set[str]
 ) -> None:
     rules = access_control(KEYS, {name: (name,) for name in NAMES}, NAMES, subject)
-    assert {name for name in (*NAMES, *commanding, VIEWER, CLAIMANT) if
+    assert {name for name in (*NAMES, *commanding, VIEWER) if
             may(rules, name, "ingress", "put", KEYS.command)} == commanding  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["4", VIEWER, OPERATOR, CLAIMANT])
+@pytest.mark.parametrize("name", ["4", VIEWER, OPERATOR])
 def test_everybody_may_see_whether_the_plant_lives(name: str) -> None:
     plant = KEYS.alive(PLANT)
     assert may(RULES, name, "ingress", "declare_liveliness_subscriber", plant)

@@ -57,37 +57,18 @@ def test_tokens_of_no_agent_are_ignored(joining: Joining, key: str):
     assert len(joining.missing()) == 5
 
 
-def test_the_places_of_who_has_not_come_are_vacant_until_all_are_there(joining: Joining):
-    for name in "1345":
-        joining.on_token(KEYS.alive(name, joining.digest), True)
-    joining.on_token(KEYS.alive("3", joining.digest), False)
-    assert joining.vacant() == {"2": 0, "3": 1}, "one has been the third"
-    for name in "23":
-        joining.on_token(KEYS.alive(name, joining.digest), True)
+def test_an_agent_that_was_ordered_to_exit_exits_once_and_another_may_come_at_once(
+    joining: Joining,
+):
+    own = KEYS.alive("2", joining.digest)
+    joining.on_token(own, True)
     joining.begin()
-    assert not joining.vacant()
-
-
-def test_a_dead_agents_place_is_vacant_once_another_is_asked_for():
-    for may_leave in (False, True):
-        joining = Joining(swarm_of_scenario("unicycles"), may_leave)
-        for name in "12345":
-            joining.on_token(KEYS.alive(name, joining.digest), True)
-        joining.begin()
-        joining.dismiss("2")
-        joining.on_token(KEYS.alive("2", joining.digest), False)
-        assert not joining.vacant(), "it is not to come back yet"
-        joining.invite("2")
-        assert joining.vacant() == {"2": 1}
-        joining.on_token(KEYS.alive("2", joining.digest), True)
-        assert not joining.vacant()
-
-
-@pytest.mark.parametrize(("may_leave", "vacant"), [(True, {"4": 1}), (False, {})])
-def test_only_where_agents_may_leave_may_another_come_for_who_was_lost(may_leave: bool, vacant):
-    joining = Joining(swarm_of_scenario("unicycles"), may_leave)
-    for name in "12345":
-        joining.on_token(KEYS.alive(name, joining.digest), True)
-    joining.begin()
-    joining.on_token(KEYS.alive("4", joining.digest), False)
-    assert joining.vacant() == vacant
+    joining.dismiss("2")
+    assert joining.exits("2")
+    assert joining.on_token(own, False) is None
+    assert not joining.exits("2")
+    assert not joining.has("2")
+    joining.on_token(own, True)
+    assert joining.has("2")
+    assert not joining.exits("2"), "the new one is not taken for the old"
+    assert joining.on_token(own, False) == "agent 2 died: see its log"

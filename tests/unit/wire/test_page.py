@@ -118,7 +118,7 @@ def test_the_page_has_every_number_of_a_step_in_its_unit():
         assert (report | applied)[name].strip() == unit
 
 
-@pytest.mark.parametrize("name", ["", "4", "viewer", "claimant", "1>2"])
+@pytest.mark.parametrize("name", ["", "4", "viewer", "1>2"])
 def test_the_keys_and_passwords_of_the_page_are_those_of_the_code(name, page):
     assert page["key_of"](name, SECRET) == MEMBERSHIP.key_of(name)
     assert page["password_of"](name, SECRET) == MEMBERSHIP.password_of(name)
@@ -128,7 +128,7 @@ def test_the_keys_of_the_page_are_those_of_the_code():
     keys = Keys("RUN")
     of_agents = (keys.sample, keys.actuation, keys.telemetry)
     of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario}
-    of_plant |= {keys.command, keys.place}
+    of_plant |= {keys.command}
     made = {key("AGENT") for key in of_agents} | of_plant
     made |= {keys.broadcast("AGENT", "PEER"), keys.alive("NAME", "DIGEST")}
     assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == made
