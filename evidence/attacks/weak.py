@@ -14,17 +14,31 @@ import statistics
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import casadi as ca
 
 from phalanx.attacks.attack import Attacked, Options, attack
 from phalanx.attacks.attacking import smallest
 from phalanx.attacks.search import History
+from phalanx.extend import IntegratedMargin, PairRow
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text, set_field
 
+HALF = {"type": "weak:HalfMargin"}
 AROUND = [[-2.0, 10.0], [-6.0, 6.0], [-3.14, 3.14]]
 """Starts of a unicycle around one at (4, 0)."""
+
+
+@dataclass(frozen=True)
+class HalfMargin(IntegratedMargin):
+    """Half of what is proven."""
+
+    def at_sample(self, row: PairRow) -> ca.SX:
+        """Return the margin at the sampled state."""
+        return 0.5 * super().at_sample(row)
 
 
 def one_on_one(name: str, duration: float = 3.0, **fields: Any) -> dict[str, Any]:
@@ -76,7 +90,7 @@ def stale() -> dict[str, Any]:
 SWARMS: dict[str, Callable[[], dict[str, Any]]] = {
     "stale inputs: paper": stale,
     "no margin: unicycles, η = 0": lambda: one_on_one("unicycles", **{"safety.eta": 0.0}),
-    "half the margin: guaranteed": lambda: one_on_one("guaranteed", **{"safety.margin_scale": 0.5}),
+    "half the margin: guaranteed": lambda: one_on_one("guaranteed", 3.0, **{"safety.margin": HALF}),
     "proven margin: guaranteed": lambda: one_on_one("guaranteed"),
     "lies: in-flight": lies,
     "a normal agent turns: split": turned,

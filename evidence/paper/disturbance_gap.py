@@ -11,7 +11,6 @@ import phalanx
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.rows.composed import NO_MARGIN
 from phalanx.theory.rows.origin import EMPTY
 
 _VARIANTS = {
@@ -40,7 +39,7 @@ def main() -> None:
 
 def largest_psi_1(recording: Recording) -> float:
     """The largest ψ_1 at any event of a run."""
-    evaluate = build_rows(build_swarm(recording.scenario)).terms_of_all(NO_MARGIN)
+    evaluate = build_rows(build_swarm(recording.scenario)).terms_of_all(0.0)
     return float(np.max([evaluate(np.array(state.x)).psi[1] for state in recording.states]))
 
 

@@ -14,7 +14,6 @@ from phalanx.guarantee.verdict import Summary
 
 VARIANTS = {
     "guaranteed": Variant("`guaranteed`", "guaranteed"),
-    "half": Variant("half the margin", "guaranteed", ("safety.margin_scale=0.5",)),
     "twice": Variant(
         "twice the disturbance",
         "guaranteed",

@@ -135,8 +135,7 @@ def joint_sums(recording: Recording) -> Iterator[JointSum]:
     rows = build_rows(build_swarm(recording.scenario))
     swarm, first = rows.swarm, rows.swarm.normal[0]
     margin = rows.margin(first)
-    evaluate = rows.terms_of_all(margin.given)
-    eta = margin.scale * margin.eta
+    evaluate = rows.terms_of_all(margin.eta)
     states = {state.t: np.array(state.x) for state in recording.states}
     in_force: dict[int, NDArray[np.float64]] = {}
     held: dict[str, bool] = {}
@@ -144,12 +143,12 @@ def joint_sums(recording: Recording) -> Iterator[JointSum]:
         steps = [step for step in together if swarm.names.index(step.agent) in swarm.normal]
         terms = evaluate(states[t])
         if len(in_force) == len(swarm.normal):
-            yield JointSum(_joint_sum(terms, in_force), eta, [], held)
+            yield JointSum(_joint_sum(terms, in_force), margin.eta, [], held)
         in_force.update({swarm.names.index(step.agent): np.array(step.u) for step in steps})
         held = held | {step.agent: _holds(step) for step in steps}
         if len(in_force) == len(swarm.normal):
             updated = [step.agent for step in steps]
-            yield JointSum(_joint_sum(terms, in_force), eta, updated, held)
+            yield JointSum(_joint_sum(terms, in_force), margin.eta, updated, held)
 
 
 def _joint_sum(terms: Terms, in_force: Mapping[int, NDArray[np.float64]]) -> float:

@@ -1,14 +1,11 @@
 """phalanx check and compile: the guarantees of a scenario, and its functions as machine code."""
 
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.option_checks import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
-from phalanx.extensions import extension
 from phalanx.launcher.streams import echo, printable
 
 if TYPE_CHECKING:
@@ -20,13 +17,6 @@ def check(
     scenario: ScenarioArgument,
     seed: Seed = None,
     overrides: Overrides = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            callback=require_png,
-            help="Save a picture of the states from which the backup keeps safe (PNG).",
-        ),
-    ] = None,
     strict: Annotated[
         bool, typer.Option(help="Exit with 1 if no run of it could end guaranteed.")
     ] = False,
@@ -42,7 +32,6 @@ def check(
       phalanx check unicycles
       phalanx check unicycles --set safety.margin=local --set safety.eta=0
       phalanx check unicycles --set network.loss=0.3 --set safety.information=split
-      phalanx check guaranteed --plot backup.png
     """
     import phalanx
     from phalanx.schema.user_code import code_trusted
@@ -51,11 +40,6 @@ def check(
         resolved = phalanx.load(scenario, overrides or (), seed)
     report = phalanx.check(resolved)
     _show(resolved, report)
-    if plot is not None:
-        if extension("backup-picture")(resolved, plot):
-            echo(f"picture: {plot}")
-        else:
-            echo("no picture: it needs two agents with states x and y; this scenario has others")
     return 1 if strict and not report.may_be_guaranteed else 0
 
 

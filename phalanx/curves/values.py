@@ -10,9 +10,6 @@ from phalanx.arrays import Array, Index
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.safety.pairs import ChosenPairs
 
-_MOST_COMPOSED = 5000
-"""Pairs in the rows of all agents, where each is one expression; a pair takes 20 ms."""
-
 
 @dataclass(frozen=True)
 class SafetyValues:
@@ -39,13 +36,6 @@ class SafetyValues:
     def worst_pair(self, x: Array) -> int:
         """The pair whose h is largest."""
         return int(self._every.order[self._every.h(x).argmax()])
-
-    @cached_property
-    def too_large(self) -> bool:
-        """True if all agents' margins together are too much to build for figures."""
-        swarm = self.rows.swarm
-        expressions = len(swarm.normal) if swarm.safety.bounds_one_row else 0
-        return expressions * len(swarm.pairs.every) > _MOST_COMPOSED
 
     @property
     def psi_levels(self) -> range:

@@ -34,7 +34,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.margins.margin import ComposedMargin
+from phalanx.theory.rows.composed import Bound
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
 
@@ -170,16 +170,15 @@ def _boundary_condition(
     return BoundaryCondition(states, worst) if states else None
 
 
-def _largest_margin(rows: SafetyRows) -> ComposedMargin:
+def _largest_margin(rows: SafetyRows) -> float | Bound:
     """Return the largest margin of the normal agents' rows for h_tot; 0 if computed in the run."""
     if rows.swarm.safety.computes_margin:
-        return ComposedMargin(0.0, 0.0)
-    return max(rows.margin(i).given for i in rows.swarm.normal)
+        return lambda x, seen: 0.0
+    return max(rows.margin(i).eta for i in rows.swarm.normal)
 
 
 def _given(rows: SafetyRows) -> dict[str, float | None]:
     computed = rows.swarm.safety.computes_margin
     return {
-        rows.swarm.names[i]: None if computed else rows.margin(i).given.total(0.0)
-        for i in rows.swarm.normal
+        rows.swarm.names[i]: None if computed else rows.margin(i).eta for i in rows.swarm.normal
     }

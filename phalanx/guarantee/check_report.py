@@ -129,9 +129,6 @@ def proof_gaps(swarm: Swarm) -> list[str]:
         f"safety.alpha be at most {steepest:.3g}, or clocks be faster": (
             safety.limits_alpha and _steepness(swarm) > _steepest(swarm)
         ),
-        "safety.margin_scale is below 1, so the margin is less than its bound": (
-            safety.margin_scale < 1.0
-        ),
         "agents compute their shares of one row for all pairs from different samples: set "
         "safety.composition = 'pairs'": safety.shares_one_row,
         "with safety.neighbourhood, or sensing, each agent's condition changes as others come and "

@@ -55,7 +55,6 @@ def rigorous(swarm: Swarm) -> SafetyRows:
         swarm,
         composition="pairs",
         margin="local",
-        margin_scale=1.0,
         eta=0.0,
         information=Information.SPLIT,
         neighbourhood=None,

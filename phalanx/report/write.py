@@ -14,7 +14,6 @@ from phalanx.metrics.table import metric_rows, metrics_of
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
-from phalanx.report.margins import margins
 from phalanx.report.page import page
 from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, summarises
@@ -91,8 +90,6 @@ def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterato
             yield ReportFigure("distances", _NEAREST if many else _DISTANCES, apart)
     if recording.states and recording.steps:
         yield from _step_figures(history)
-        if not history.values.too_large and (compared := margins(history)):
-            yield ReportFigure("margins", compared[1], compared[0])
         if needed := steps.disturbances(history):
             yield ReportFigure("disturbances", _DISTURBANCES, needed)
         if lanes := space_time(history):
@@ -105,19 +102,12 @@ def notes(history: ReportHistory) -> list[str]:
     """Notes about figures that are not drawn, and why."""
     if not history.recording.states:
         return ["The recording holds no state: there is nothing to draw."]
-    found = []
-    if summarises(history.scenario):
-        found.append(
-            f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
-            "of 10 to 90 % of all agents, and the worst few of them by name."
-        )
-    if history.values.too_large:
-        found.append(
-            "Margins are not drawn: with this margin the row of each agent is one "
-            f"expression of all {len(history.swarm.pairs.every)} pairs, which would take hours. "
-            'With safety.composition = "pairs" there is a row for each pair.'
-        )
-    return found
+    if not summarises(history.scenario):
+        return []
+    return [
+        f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
+        "of 10 to 90 % of all agents, and the worst few of them by name."
+    ]
 
 
 def _step_figures(history: ReportHistory) -> Iterator[ReportFigure]:

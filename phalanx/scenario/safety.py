@@ -55,8 +55,6 @@ class Safety(Strict):
     sample, without eta and xi: local for any row, or the smaller integrated for one row for each
     pair with a linear α_q. Or a user's own for one row for each pair,
     { type = "package.module:Name", ... }."""
-    margin_scale: Positive = 1.0
-    """Factor of the margin; below 1 nothing is proven."""
     eta: Annotated[
         Annotated[NonNegative, Tag(NUMBER)] | Annotated[MarginConstants, Tag(TABLE)],
         Discriminator(number_or_table),

@@ -20,15 +20,10 @@ from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.local import LocalBound, local_margin
-from phalanx.theory.margins.margin import (
-    AgentMargin,
-    ComposedMargin,
-    MarginConstants,
-    MarginOfInput,
-)
+from phalanx.theory.margins.margin import AgentMargin, MarginConstants
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
-from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
+from phalanx.theory.rows.composed import Bound, ComposedTerms, SwarmTerms
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.safety_filter import (
@@ -120,10 +115,10 @@ class SafetyRows:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         if swarm.members[i].adversary or swarm.safety.pairwise:
             return self.composed.of(i, radius)
-        margin = self._local(i) if swarm.safety.bounds_one_row else self.margin(i).given
+        margin = self._local(i) if swarm.safety.bounds_one_row else self.margin(i).eta
         return self.composed.of(i, radius, margin, self._by_kind)
 
-    def terms_of_all(self, margin: ComposedMargin) -> ComposedTerms:
+    def terms_of_all(self, margin: float | Bound) -> ComposedTerms:
         """Return the terms of h_tot of all pairs, with this margin."""
         return self.composed.of(self.swarm.normal[0], None, margin, self._by_kind)
 
@@ -135,7 +130,7 @@ class SafetyRows:
             margin = self.margin(i)
             bounds = margin.bounds_of(self.chain)
             bound = local_margin(self.chain, i, margin.horizon, bounds, RowPart.WHOLE, active)
-            self._local_bounds[i] = LocalBound(composed, margin.given.total(bound))
+            self._local_bounds[i] = LocalBound(composed, margin.eta + bound)
         return self._local_bounds[i]
 
     @cached_property
@@ -169,16 +164,6 @@ class SafetyRows:
         """Return pair_terms as a function of the time for which an input may be in force [s]."""
         gap = ca.SX.sym("gap")
         return self._pair_terms(i, replace(self.margin(i), horizon=gap, symbols=(gap,)))
-
-    def pair_terms_of_input(self, i: int) -> OwnPairTerms:
-        """Return pair_terms as a function of agent i's input, with the least margin proven for it.
-
-        That margin is integrated and not scaled, for any safety.margin.
-        """
-        held = ca.SX.sym("held", len(self.swarm.members[i].dynamics.inputs))
-        kind = MarginOfInput(held)
-        margin = replace(self.margin(i), kind=kind, eta=0.0, scale=1.0, symbols=(held,))
-        return self._pair_terms(i, margin)
 
     def plain_pairs(self, i: int) -> OwnPairTerms:
         """Return the terms of agent i's pairs as printed for continuous time: no margin, ξ or D_k.
@@ -231,7 +216,6 @@ class SafetyRows:
         return AgentMargin(
             kind=safety.margin_kind,
             eta=self._eta(i),
-            scale=safety.margin_scale,
             horizon=self.swarm.horizon(i),
             bounds=self.swarm.disturbance_bounds,
         )
@@ -240,8 +224,7 @@ class SafetyRows:
         """Return the margin of agent i's share of h_tot's condition; None if it has no share."""
         if not self.swarm.safety.shares_one_row:
             return None
-        # margin_scale applies to it as to every margin.
-        return ShareMargin(self._by_derivatives, self.margin(i).scale * self.swarm.horizon(i))
+        return ShareMargin(self._by_derivatives, self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
         """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as the scenario composes them."""

@@ -23,7 +23,6 @@ from phalanx.theory.laws.tracking import (
     output_chain,
     tracked_chain,
 )
-from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics, Positive
 from phalanx.theory.models.polytope import constant_polytope, maximiser
 from phalanx.theory.rows.composed import SwarmTerms
@@ -135,7 +134,7 @@ class _Team:
         dynamics, make = [m.dynamics for m in team], partial(_terms_of, guard, team, around)
         known = kept_for([guard, *dynamics], ("team", repr(kinds)), make)
         swarm = known.with_pairs(known.pairs.with_obstacles(around))
-        self._terms = swarm.of(self._self, None, ComposedMargin(guard.eta))
+        self._terms = swarm.of(self._self, None, guard.eta)
         self._states = swarm.members.states
         self._unseen = np.full(self._states[-1].stop, np.nan)
         self._terms.compile()

@@ -126,7 +126,6 @@ def integrated_margin(
     horizon: float | ca.SX,
     bounds: Sequence[float],
     part: RowPart,
-    held: ca.SX | None = None,
 ) -> ca.SX:
     """η of agent i's row: D + ½ τ g, or ½ D + τ g of a half; scalar, of the sampled state.
 
@@ -138,22 +137,18 @@ def integrated_margin(
         horizon: τ = Γ_i + δ_i^max [s].
         bounds: φ_l^max of each member.
         part: of the condition that the row keeps.
-        held: symbols of the one input that agent i holds, shape (m_i,); None for a margin that
-            holds for every input of U_i.
 
     Raises:
         ValueError: a member's U_l depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    holding = None if held is None else i
-    moving = enclose_all(chain.set, bounds, horizon, INFLATIONS, holding)
+    moving = enclose_all(chain.set, bounds, horizon, INFLATIONS)
     bound = growth(chain.psi[-1], chain.set, i, moving, bounds, part)
     # A half is compared at each instant, a whole row's excess averages out over the interval.
     lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     margin = part.value * bound.disturbance + lasting * bound.bend + outside
-    found = ca.if_else(bound.known, margin, ca.inf)
-    return found if held is None else ca.substitute(found, moving[i].u, held)
+    return ca.if_else(bound.known, margin, ca.inf)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:

@@ -6,7 +6,7 @@ Four kinds have a name in scenarios; others are users' own.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 from annotated_types import Ge
@@ -79,10 +79,10 @@ class Margin(Protocol):
     def at_sample(self, row: PairRow) -> ca.SX:
         """Return the margin at the sampled state, scalar, in the unit of h per second to the q.
 
-        It is added to ψ_q in one agent's row of one pair, times safety.margin_scale: a positive one
-        makes the row stricter. ψ_1 ... ψ_{q-1} allow for the disturbance; D_q is chain.disturbance,
-        and only in the row if the margin adds it. The chain of one pair serves all pairs of members
-        of the same two groups.
+        It is added to ψ_q in one agent's row of one pair: a positive one makes the row stricter.
+        ψ_1 ... ψ_{q-1} allow for the disturbance; D_q is chain.disturbance, and only in the row if
+        the margin adds it. The chain of one pair serves all pairs of members of the same two
+        groups.
         """
 
 
@@ -117,17 +117,6 @@ class IntegratedMargin:
         return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
 
 
-@dataclass(frozen=True)
-class MarginOfInput:
-    """The least proven margin for the one input that the agent holds."""
-
-    held: ca.SX
-    """Symbols of the input, shape (m_i,)."""
-
-    def at_sample(self, row: PairRow) -> ca.SX:
-        return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part, self.held)
-
-
 class UsersMargin:
     """A user's own margin, checked to be a scalar expression of the pair."""
 
@@ -146,23 +135,6 @@ class UsersMargin:
         return ca.if_else(ca.fabs(found) < ca.inf, found, math.nan)
 
 
-_Number = TypeVar("_Number", float, ca.SX)
-
-
-class ComposedMargin(NamedTuple):
-    """The margin of a row for h_tot that is composed from pairs: scale (η + D_q)."""
-
-    eta: float
-    scale: float = 1.0
-
-    def total(self, at_state: _Number, share: float = 1.0) -> _Number:
-        """scale (share η + at_state), where at_state is the part that depends on the state.
-
-        The only place that sums a margin.
-        """
-        return self.scale * (share * self.eta + at_state)
-
-
 @dataclass(frozen=True)
 class AgentMargin:
     """Make the margin of every row of one agent."""
@@ -170,8 +142,6 @@ class AgentMargin:
     kind: Margin
     eta: float
     """η(Γ_i + δ^max), given or from constants; 0 where the margin is computed at each sample."""
-    scale: float
-    """Factor of the sum; below 1 nothing is proven."""
     horizon: float | ca.SX
     """Longest time after a sample that the agent's input may be in force [s]."""
     bounds: Mapping[str, float]
@@ -179,7 +149,7 @@ class AgentMargin:
     symbols: tuple[ca.SX, ...] = ()
     """Symbols in its expressions other than the state."""
 
-    def of(self, chain: Chain, own: int, part: RowPart = RowPart.WHOLE) -> ca.SX:
+    def of(self, chain: Chain, own: int, part: RowPart) -> ca.SX:
         """The margin of a row as an expression of the sampled state, scalar.
 
         Args:
@@ -193,13 +163,8 @@ class AgentMargin:
             MistakenMethodError: a user's margin failed, or returned no scalar expression.
         """
         row = PairRow(chain, own, part, self.horizon, self.bounds_of(chain))
-        return self.given.total(self.kind.at_sample(row), part.value)
+        return part.value * self.eta + self.kind.at_sample(row)
 
     def bounds_of(self, chain: Chain) -> tuple[float, ...]:
         """φ_l^max of each of the chain's members."""
         return tuple(self.bounds[m.name] for m in chain.set.members)
-
-    @property
-    def given(self) -> ComposedMargin:
-        """The part of a row's margin that is the same at every state."""
-        return ComposedMargin(self.eta, self.scale)

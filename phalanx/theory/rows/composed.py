@@ -12,7 +12,6 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
@@ -25,7 +24,6 @@ from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.kinds import with_symbols
 from phalanx.theory.safety.pairs import SwarmPairs
 
-NO_MARGIN = ComposedMargin(0.0)
 Bound = Callable[[Array, Sequence[int]], float]
 """(x, seen) -> the margin at each state."""
 
@@ -56,7 +54,7 @@ class SwarmTerms:
         self,
         i: int,
         radius: float | None,
-        margin: ComposedMargin | Bound = NO_MARGIN,
+        margin: float | Bound = 0.0,
         by_kind: TermsByKind | None = None,
     ) -> "ComposedTerms":
         """Agent i's terms.
@@ -64,7 +62,7 @@ class SwarmTerms:
         Args:
             i: the agent.
             radius: how far it sees obstacles [m]; None for all.
-            margin: of its row.
+            margin: of its row: η, to which D_q is added, or a bound.
             by_kind: builds the functions; None for a chain without D_k.
         """
         return ComposedTerms(self, i, radius, margin, by_kind or self._by_jets)
@@ -86,7 +84,7 @@ class ComposedTerms:
         swarm: SwarmTerms,
         i: int,
         radius: float | None,
-        margin: ComposedMargin | Bound,
+        margin: float | Bound,
         by_kind: TermsByKind,
     ) -> None:
         self._swarm, self._margin, self._by_kind = swarm, margin, by_kind
@@ -122,9 +120,8 @@ class ComposedTerms:
 
     def margin(self, x: Array, seen: tuple[int, ...], disturbance: float) -> float:
         """The margin of the row, with D_q of the composed pairs."""
-        if isinstance(self._margin, ComposedMargin):
-            return self._margin.total(disturbance)
-        return self._margin(x, seen)
+        margin = self._margin
+        return margin(x, seen) if callable(margin) else margin + disturbance
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""

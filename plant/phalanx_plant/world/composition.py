@@ -9,7 +9,6 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.rows.composed import NO_MARGIN
 from phalanx.theory.safety.pairs import PairFunctions
 
 _DIGITS = 60.0 * math.log(2.0)
@@ -74,9 +73,7 @@ class LargestPsi:
         """Functions needed of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
         computed = safety.xi_of_chain is None or rows.relative_degree > 2
         # D_k within ψ_k needs gradients, which the values of pairs along the drift do not have.
-        self._chain = (
-            rows.terms_of_all(NO_MARGIN) if safety.counts_disturbance and computed else None
-        )
+        self._chain = rows.terms_of_all(0.0) if safety.counts_disturbance and computed else None
 
     def __call__(self, x: Array, pairs: Array, least: Array, composed: Composed) -> Array:
         """Evaluate at s states, shape (s,); empty if q = 1.

@@ -121,7 +121,7 @@ def test_asked_again_it_runs_only_what_is_missing(tmp_path, pool):
     first = again(seeds=1, vary={"network.loss": [0.5]})
     assert results(again(seeds=1, vary={"network.loss": [0.5]})) == results(first)
     again(seeds=2, vary=LOSSES)
-    grown = again(seeds=2, vary={**LOSSES, "safety.margin_scale": [1.0, 0.5]})
+    grown = again(seeds=2, vary={**LOSSES, "safety.rho": [5.0, 2.5]})
     # Then the margin's present value is a value of its axis, and those rows serve again.
     assert computed == [1, 0, 3, 4]
     assert grown.missing == 0

@@ -41,7 +41,7 @@ def test_a_run_at_a_router_is_the_run_without_one(started, tmp_path: Path) -> No
 def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_one(
     started, tmp_path: Path
 ) -> None:
-    """As a container comes that its engine restarts whenever it fails."""
+    """Containers come so, which their engine restarts whenever they fail."""
     dies = 'faults=[{kind="restart", at=0.1, for=0.4, agents=["2"]}]'
     programs = started(2, "one-on-one", "--set", "duration=0.6", "--set", dies)
     programs.start_members("--speed", "0.05")

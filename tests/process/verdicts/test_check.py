@@ -174,12 +174,6 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guara
         assert all(rows_at_start(rows).values()) is holds
 
 
-@pytest.mark.nightly
-def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less(guaranteed):
-    scaled = checked("guaranteed", "safety.margin_scale=0.5")
-    assert scaled.largest_gap == guaranteed.largest_gap
-
-
 def test_only_the_printed_information_model_minds_delay(guaranteed, paper):
     assert paper.largest_delay == 0.0
     assert guaranteed.largest_delay == math.inf

@@ -88,7 +88,6 @@ def test_with_a_distance_in_metres_a_proof_is_to_be_had(name, duration, seed):
 @pytest.mark.parametrize(
     ("override", "why"),
     [
-        ("safety.margin_scale=0.5", "less than its bound"),
         ("safety.neighbourhood=5.0", "neighbourhood"),
         ("safety.composition=lse", "shares of one row"),
         ("time.latency=0.001", "latency"),

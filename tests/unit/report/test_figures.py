@@ -15,7 +15,6 @@ from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
-from phalanx.report.margins import MarginUse
 from phalanx.report.page import origins
 from phalanx.report.safety import distances
 from phalanx.report.write import draw_figures
@@ -46,11 +45,6 @@ def test_one_agent_within_limits_has_no_distances_to_draw() -> None:
     recording = Recording(Path(), scenario, {}, drift(scenario, states=2, steps=0), [])
     drawn = [figure.name for figure in draw_figures(ReportHistory(recording), [])]
     assert drawn == ["h_tot", "paths"]
-
-
-def test_a_margin_where_none_is_needed_is_no_share_of_it() -> None:
-    use = MarginUse(np.arange(3.0), np.array([0.2, 0.3, 0.0]), np.array([0.1, 0.0, 0.0]))
-    assert use.share.tolist() == [2.0, np.inf, np.inf]
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:

@@ -110,19 +110,3 @@ def test_the_command_of_the_heading_makes_the_same_scenario(reported: Path) -> N
     fields = [after for flag, after in pairwise(options) if flag == "--set"]
     again = load(source, fields, scenario.seed)
     assert digest(again) == digest(scenario.model_copy(update={"description": again.description}))
-
-
-@pytest.mark.nightly
-def test_a_report_says_what_would_take_too_long_to_draw(tmp_path: Path) -> None:
-    """A swarm of 32 agents whose rows are each one expression of all pairs."""
-    scenario = load(
-        "swarm2d",
-        [
-            "agents.0.count=28", "agents.1.count=4", "duration=0.1",
-            "safety.composition=lse", "safety.margin=local", "safety.information=paper",
-        ],
-    )  # fmt: skip
-    folder = record(tmp_path, scenario, drift(scenario, states=3, steps=1), summary_of(scenario))
-    page = write_report(folder).read_text()
-    assert not (folder / "figures" / "margins.png").exists()
-    assert "Margins are not drawn" in page

@@ -21,6 +21,5 @@ def test_one_normal_agent_alone_with_an_obstacle_in_space(tmp_path: Path) -> Non
         "distances",
         "inputs-n0",
         "certified",
-        "margins",
         "solve-times",
     }

@@ -10,7 +10,6 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.local import local_margin
-from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario
@@ -47,7 +46,7 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     chain = build_chain(composed, safety.class_k, xi)
     active = None if radius is None else composed.within(i, radius)
     reference = TermsFunction(chain, active, 1.5)
-    terms = rows.composed.of(i, radius, ComposedMargin(1.5))
+    terms = rows.composed.of(i, radius, 1.5)
     for x in states(rows, 12):
         apart = np.linalg.norm(swarm.positions(x) - swarm.positions(x)[i], axis=1)
         seen = np.flatnonzero(apart <= (radius or np.inf)).tolist()
@@ -134,7 +133,7 @@ def test_every_margin_has_the_terms_of_its_chain(name, margin, radius):
     swarm, i = rows.swarm, rows.swarm.normal[0]
     active = None if radius is None else swarm.safe_set.within(i, radius)
     own, chain = rows.margin(i), rows.chain
-    known = own.of(chain, i)
+    known = own.of(chain, i, RowPart.WHOLE)
     if margin == "local":
         bounds = own.bounds_of(chain)
         known = local_margin(chain, i, own.horizon, bounds, RowPart.WHOLE, active)

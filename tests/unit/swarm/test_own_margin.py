@@ -98,14 +98,13 @@ def own(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_it_is_what_a_pairs_row_keeps_back(scale):
-    rows = require_runnable(build_swarm(load("own.toml", {"safety.margin_scale": scale})))
+def test_it_is_what_a_pairs_row_keeps_back():
+    rows = require_runnable(build_swarm(load("own.toml")))
     x, steepness = rows.swarm.start(), 2.0 * 4.0  # ∂h/∂x = -2 (x_a - x_b)
     for i in (0, 1):
         for sharing, share in (((), 1.0), (rows.swarm.normal, 0.5)):
             (found,) = rows.pair_terms(i)(x, sharing=sharing).margin
-            assert found == pytest.approx(scale * (share * 0.06 * 2.0 * steepness + 0.25))
+            assert found == pytest.approx(share * 0.06 * 2.0 * steepness + 0.25)
 
 
 @pytest.mark.parametrize("name", MISTAKES)

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.row import Terms
@@ -22,7 +21,7 @@ from tests.unit.theory.sample_swarms import AROUND, DEGREES, RHO, sample_swarm
 from tests.unit.theory.whole_expression import TermsFunction
 
 ALPHAS = (Power(0.8, 3.0), Linear(1.7), Power(0.6, 2.0))
-XI, ETA, SCALE, REACH = 2.5, 1.3, 0.9, 2.5
+XI, ETA, REACH = 2.5, 1.3, 2.5
 PARTS = ("c", "least", "most", "positions")
 seeds = st.integers(0, 2**32 - 1)
 
@@ -39,12 +38,12 @@ def reference(name: str, i: int | None) -> TermsFunction:
     """Terms of all pairs, or of those within agent i's neighbourhood."""
     composed = sample_swarm(name)
     chain = build_chain(composed, ALPHAS[: DEGREES[name]], XI)
-    return TermsFunction(chain, None if i is None else composed.within(i, REACH), ETA * SCALE)
+    return TermsFunction(chain, None if i is None else composed.within(i, REACH), ETA)
 
 
 @cache
 def composed_terms(name: str, i: int, radius: float | None) -> ComposedTerms:
-    return swarm_terms(name).of(i, radius, ComposedMargin(ETA, SCALE))
+    return swarm_terms(name).of(i, radius, ETA)
 
 
 def numbers(terms: Terms) -> np.ndarray:
@@ -111,9 +110,9 @@ def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name
     bounds = [0.3 + 0.1 * l for l in range(len(composed.members))]
     swarm = swarm_terms(name)
     by_derivatives = swarm.by_derivatives(xi, bounds)
-    found = swarm.of(0, None, ComposedMargin(ETA, SCALE), by_derivatives)
+    found = swarm.of(0, None, ETA, by_derivatives)
     chain = build_chain(composed, ALPHAS[: DEGREES[name]], xi, bounds)
-    expected = TermsFunction(chain, margin=SCALE * (ETA + chain.disturbance))
+    expected = TermsFunction(chain, margin=ETA + chain.disturbance)
     apart = np.geomspace(0.1, 30.0, 850)
     states = apart[:, None] * rng.uniform(-1.0, 1.0, (len(apart), composed.x.numel()))
     both = np.array([[numbers(found(x)), numbers(expected(x))] for x in states])
@@ -126,8 +125,8 @@ def test_by_derivatives_too_what_is_not_seen_has_no_part(name):
     composed, swarm = sample_swarm(name), swarm_terms(name)
     bounds = [0.0] * len(composed.members)
     by_derivatives = swarm.by_derivatives(XI, bounds, printed=True)
-    found = swarm.of(0, REACH, ComposedMargin(ETA), by_derivatives)
-    expected = swarm.of(0, REACH, ComposedMargin(ETA))
+    found = swarm.of(0, REACH, ETA, by_derivatives)
+    expected = swarm.of(0, REACH, ETA)
     for x in np.random.default_rng(3).uniform(-3.0, 3.0, (12, composed.x.numel())):
         for seen in ((0,), (0, len(bounds) - 1), range(len(bounds))):
             known = np.full_like(x, np.nan)
@@ -161,7 +160,7 @@ def test_terms_do_not_depend_on_what_was_asked_before(name):
         seen = tuple(l for l in range(members) if l == 0 or random.random() < 0.5)
         found, fresh = (
             kept(x, seen),
-            swarm_terms(name).of(0, REACH, ComposedMargin(ETA, SCALE))(x, seen),
+            swarm_terms(name).of(0, REACH, ETA)(x, seen),
         )
         assert found.psi.tobytes() == fresh.psi.tobytes()
         assert found.unforced == fresh.unforced
@@ -199,7 +198,7 @@ def test_a_crowd_is_composed_like_a_few():
     members = [Member(f"a{l}", Unicycle(4.0, 2.0), l >= 17) for l in range(19)]
     composed = compose(members, AROUND, Separation(1.0), RHO)
     pairs = SwarmPairs(composed.members, composed.obstacles, composed.function, 1)
-    terms = SwarmTerms(pairs, RHO, ALPHAS[:1], XI).of(0, None, ComposedMargin(ETA))
+    terms = SwarmTerms(pairs, RHO, ALPHAS[:1], XI).of(0, None, ETA)
     whole = TermsFunction(build_chain(composed, ALPHAS[:1], XI), margin=ETA)
     for x in np.random.default_rng(8).uniform(-9.0, 9.0, (20, composed.x.numel())):
         assert largest_difference(numbers(terms(x)), numbers(whole(x))) < 1e-12

@@ -1,5 +1,9 @@
-"""The region where the backup suffices, as a slice of the state space of two agents."""
+"""Draw the region where the backup suffices, as a slice of the state space of two agents.
 
+python evidence/paper/backup_picture.py one-on-one backup.png [--set FIELD=VALUE]
+"""
+
+import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,10 +15,11 @@ from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
 from phalanx.report.style import style_axes
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.margins.integrated import RowPart
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)
@@ -36,23 +41,27 @@ class Slice(NamedTuple):
     """_UNSAFE, _TOO_LATE or _SUFFICES, shape (c, c), rows by Δy."""
 
 
-def save_backup_picture(scenario: Scenario, file: Path) -> bool:
-    """Draw the slice of a scenario as PNG. False if it has no two agents with states x and y."""
-    found = backup_slice(build_rows(build_swarm(scenario)))
+def main() -> None:
+    """Draw the slice of a scenario as PNG."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("scenario")
+    arguments.add_argument("picture", type=Path)
+    arguments.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
+    options = arguments.parse_args()
+    found = backup_slice(build_rows(build_swarm(load(options.scenario, options.set))))
     if found is None:
-        return False
-    backup_figure(found).savefig(file, dpi=110)
-    return True
+        raise SystemExit("expected two agents with states x and y")
+    backup_figure(found).savefig(options.picture, dpi=110)
 
 
-def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
+def backup_slice(rows: SafetyRows) -> Slice | None:
     """Test Σ γ_min + Σ γ_max + α_q + η <= 0 with one agent moved around another.
 
     The other agent is the nearest adversary, or the nearest normal agent if there is none.
     Headings, velocities and all other states are as at the start.
 
-    reach: half-width of the slice [m]; by default four times the distance at which h = 0 along the
-    line between the two. Returns None if the swarm has no second agent with states x and y.
+    The slice reaches four times as far as the distance at which h = 0 along the line between the
+    two. Returns None if the swarm has no second agent with states x and y.
     """
     swarm = rows.swarm
     pair = _nearest_pair(swarm)
@@ -60,7 +69,7 @@ def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
         return None
     a, b = swarm.safe_set.pairs[pair]
     moved = _Moved(rows, pair, (a, b))
-    half = reach or 4.0 * _required_distance(moved)
+    half = 4.0 * _required_distance(moved)
     offsets = np.linspace(-half, half, _CELLS)
     dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
     psi, left = moved(np.column_stack([dx.ravel(), dy.ravel()]))
@@ -96,7 +105,10 @@ class _Moved:
         self._start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in ends])
         states = swarm.members[ends[1]].dynamics.states
         self._place = [self._parts[1].start + states.index(s) for s in "xy"]
-        unforced, margin = ca.sum1(chain.drift) + chain.alpha, rows.margin(ends[0]).of(chain, 0)
+        unforced, margin = (
+            ca.sum1(chain.drift) + chain.alpha,
+            rows.margin(ends[0]).of(chain, 0, RowPart.WHOLE),
+        )
         self._columns = np.cumsum([len(chain.psi), 1, chain.actuation[0].numel()])
         self._evaluate = MappedFunction(
             [chain.set.x], [*chain.psi, unforced + margin, *chain.actuation]
@@ -139,3 +151,7 @@ def _required_distance(moved: _Moved) -> float:
     psi, _ = moved(np.column_stack([distances, np.zeros_like(distances)]))
     safe = distances[psi[:, 0] <= 0]
     return float(safe[0]) if len(safe) else 1.0
+
+
+if __name__ == "__main__":
+    main()
