@@ -32,7 +32,7 @@ def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
     page = reported.read_text()
     sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", page)
-    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 12
+    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 11
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "//" not in re.sub(r"base64,[^\"]+", "", page)
 
