@@ -15,7 +15,7 @@ if __name__ == "__main__":
         vary={"safety.eta": [0.0, 2.0, 8.0566], "network.loss": [0.0, 0.5]},
         out="studies/margins",
     )
-    print("   η   loss   unsafe   worst h_tot")
+    print("   η   loss   unsafe   worst h")
     for (eta, loss), runs in study.frame.group_by(study.axes, maintain_order=True):
         unsafe = (runs["outcome"] == phalanx.Outcome.VIOLATED).sum()
         print(f"{eta:5.1f}  {loss:5.1f}   {unsafe} of {len(runs)}   {runs['worst_h'].max():10.2f}")

@@ -4,7 +4,7 @@
 
     scenario = phalanx.load("unicycles", seed=7, overrides={"network.loss": 0.3})
     run = phalanx.run(scenario, engine="in-process")
-    print(run.verdict, run.summary.worst_h_tot)
+    print(run.verdict, run.summary.worst_h)
     run.states  # a data frame: t, h_tot, and every agent's states
 
 It implements Usevitch & Panagou, *Adversarial Resilience for Sampled-Data Systems under

@@ -93,7 +93,8 @@ class Carousel:
         shown = [AgentStatus(step=_step(tuple(v))) for v in velocities.reshape(-1, 2).tolist()]
         frame = Frame(
             t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
-            h_tot=-1.0, worst_h=-1.0, pair=self._frames % 9, agents=tuple(shown), link_events=(),
+            h_tot=-1.0, h=-1.0, worst_h=-1.0, pair=self._frames % 9,
+            turned=(), agents=tuple(shown), link_events=(),
             steps=self._frames, real_time_factor=1.0, assumptions=(), violations=(), log=(),
             paused=False, speed=0.0, loss=None, delay=None,
         )  # fmt: skip

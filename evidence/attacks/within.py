@@ -101,7 +101,7 @@ def of_own_adversaries(name: str) -> str:
     """Run a scenario as it ships, and return how close it came."""
     summary = evaluate(phalanx.load(name)).summary
     shortest = summary.certificates.shortest
-    return closeness(summary.worst_h_tot, math.inf if shortest is None else shortest)
+    return closeness(summary.largest_h_tot, math.inf if shortest is None else shortest)
 
 
 def print_closeness(compared: dict[str, tuple[Runs, Runs]]) -> None:

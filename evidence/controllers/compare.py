@@ -112,7 +112,7 @@ def measured(name: str, overrides: dict[str, Any], seed: int) -> Result | None:
     return Result(
         summary.outcome,
         certificates.certified / max(1, certificates.samples),
-        summary.worst_h_tot,
+        summary.largest_h_tot,
         float(np.median(inputs.filter(inputs["origin"] != "attack")["solve_time"].to_numpy())),
         swarm.select(list(METRICS)).to_dicts()[0],
     )

@@ -49,7 +49,7 @@ def main() -> None:
             f"{1e3 * m.p50:.2f}, {1e3 * m.p99:.2f}, {1e3 * m.most:.1f}" for m in found.measured
         )
         counts = f"{found.samples} | {found.missed} | {found.late}"
-        verdict = f"{summary.outcome}, {summary.worst_h_tot:.2f}"
+        verdict = f"{summary.outcome}, {summary.largest_h_tot:.2f}"
         title = f"`{paced.name}`, {paced.duration:g} s at {paced.factor:g}"
         print(f"| {title} | {counts} | {' | '.join(times)} | {verdict} |", flush=True)
 

@@ -72,7 +72,7 @@ def line(agent: str, instants: int, engine: str) -> Line:
         sum(fault["at"] + DOWN in own for fault in kills),
         sum(old(step, agent, clock.period - clock.jitter) for step in meanwhile),
         sum(agent not in dict(step.ages) for step in meanwhile),
-        summary.worst_h_tot,
+        summary.largest_h_tot,
         f"{summary.outcome}: " + ", ".join(f"{n} {failed[n]}" for n in shown if n in failed),
     )
 

@@ -31,8 +31,8 @@ def main() -> None:
         summary = run.summary
         empty = sum(summary.origins[origin] for origin in EMPTY)
         print(
-            f"| {name} | {largest_psi_1(run.recording):.2f} | {summary.worst_h_tot:.2f} | {empty} "
-            f"| {summary.outcome} |",
+            f"| {name} | {largest_psi_1(run.recording):.2f} | {summary.largest_h_tot:.2f} "
+            f"| {empty} | {summary.outcome} |",
             flush=True,
         )
 

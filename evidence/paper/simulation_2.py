@@ -49,7 +49,7 @@ def page(results: Results) -> str:
     ]
     for name, found in results.items():
         runs = [each.summary for each in found.values()]
-        worst = sorted(run.worst_h_tot for run in runs)
+        worst = sorted(run.largest_h_tot for run in runs)
         lines.append(
             f"| {VARIANTS[name].title} | {worst[0]:.1f} to {worst[-1]:.1f} "
             f"| {spread(runs, with_empty_set)} | {spread(runs, with_authority)} |"

@@ -110,7 +110,7 @@ def measure(run: phalanx.Run) -> Measured:
             times[step.t, CONTROLLER if one else step.agent] += step.solve_time
     solve, slowest = np.percentile(list(times.values()), [50, 99]).tolist()
     backup = sum(summary.origins[o] for o in EMPTY) / steps
-    worst, price = summary.worst_h_tot, cost(recording, swarm)
+    worst, price = summary.largest_h_tot, cost(recording, swarm)
     return Measured(summary.outcome, worst, backup, price, solve, slowest)
 
 

@@ -42,7 +42,7 @@ def show(run: phalanx.Run, robots: dict[str, dict[str, float]]) -> None:
     summary = run.summary
     assert summary
     assert summary.punctuality
-    print(f"  {summary.outcome}: largest h_tot {summary.worst_h_tot:.3f}")
+    print(f"  {summary.outcome}: largest h_tot {summary.largest_h_tot:.3f}")
     for checked in summary.assumptions:
         note = f"; {checked.note}" if checked.failed else ""
         print(f"    {checked.name}: {checked.failed} of {checked.checked} failed{note}")

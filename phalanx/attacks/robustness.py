@@ -74,7 +74,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
     for violation in summary.violations:
         highest[violation.pair] = max(highest[violation.pair], violation.worst)
     counted = {violation.pair for violation in summary.violations}
-    for violation in summary.apart:  # no normal agent is left in it
+    for violation in summary.excluded:  # no normal agent is left in it
         if violation.pair not in counted:
             del highest[violation.pair]
     tau = max(swarm.horizon(i) for i in swarm.normal)

@@ -78,7 +78,7 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
             description=scenario.name,
             completed=status.t,
             factor=f"{status.real_time_factor:.1f}x",
-            worst="" if status.worst_h is None else f"h_tot {status.worst_h:.3g}",
+            worst="" if status.worst_h is None else f"worst h {status.worst_h:.3g}",
             backups=f"backups {status.backups}",
         )
 
@@ -126,9 +126,7 @@ def print_summary(summary: Summary, task: str = "") -> None:
     table.add_row("virtual time", f"{summary.t:.3f} s, seed {summary.seed}")
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
-    worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
-    pair = f"worst pair {summary.worst_pair}{', counted or not' if summary.apart else ''}"
-    table.add_row("worst h_tot", f"{worst}, {pair}; safe is at most 0")
+    table.add_row("worst h", f"{summary.worst_in_words}; safe is at most 0")
     if task:
         table.add_row("task", task)
     table.add_row("control steps", _steps(summary))
@@ -141,10 +139,10 @@ def print_summary(summary: Summary, task: str = "") -> None:
             table.add_row(f"of the theorem: {needed.name}", counts)
     for violation in summary.violations:
         depth = f"h up to {violation.worst:.4g} at t = {violation.worst_at:.3f} s"
-        text = f"{violation.pair}: {depth}, {violation.duration:.3f} s"
+        text = f"{violation.pair}: {depth}, {violation.times}"
         table.add_row(styled("violated", "red"), text)
-    for violation in summary.apart:
-        text = f"{violation.pair}: h up to {violation.worst:.4g}, {violation.duration:.3f} s"
+    for violation in summary.excluded:
+        text = f"{violation.pair}: h up to {violation.worst:.4g}, {violation.times}"
         table.add_row("turned, not counted", text)
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")

@@ -55,7 +55,7 @@ def runs(
     if not recordings:
         echo_error(f"{folder}: no runs in this folder; make one with: phalanx run unicycles")
         return 3
-    table = TextTable("run", "verdict", "time", "seed", "worst h_tot", "certified")
+    table = TextTable("run", "verdict", "time", "seed", "worst h", "certified")
     for run in (recording.parent for recording in recordings):
         summary = _summary(run)
         if summary is None:
@@ -67,7 +67,7 @@ def runs(
             styled(summary.outcome, COLOUR[summary.outcome]),
             f"{summary.t:.3f} s",
             str(summary.seed),
-            f"{summary.worst_h_tot:.4g}",
+            f"{summary.worst_h:.4g}",
             f"{certificates.certified} of {certificates.samples}",
         )
     Console().print(table)

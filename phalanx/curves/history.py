@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array
 from phalanx.curves.values import SafetyValues
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.recording.broadcasts import FATES, LATE, LOST, Broadcast, broadcasts
@@ -66,7 +66,7 @@ def recorded_series(steps: Sequence[Step], inputs: int) -> AgentSeries:
 
 
 class PairSeries(NamedTuple):
-    """h of every pair."""
+    """h of every pair; -inf once no normal agent is left in it."""
 
     t: Array
     """[s], shape (s,)."""
@@ -131,7 +131,8 @@ class History(Protocol):
 
     @property
     def totals(self) -> Array:
-        """t, h_tot, the swarm's smallest distance, ψ_1 ... ψ_{q-1}: a row for each state."""
+        """t, h_tot, the largest h of a pair with a normal agent, the smallest distance, ψ_1 ...
+        ψ_{q-1}: a row for each state."""
 
     @property
     def pairs(self) -> PairSeries:
@@ -145,24 +146,17 @@ class History(Protocol):
         """Agent i's control steps."""
 
 
-class WorstPairs(NamedTuple):
-    """The pair with the largest h at each state."""
-
-    h: Array
-    """Its h, shape (s,)."""
-    pairs: Index
-    """Its sides as SwarmPairs has them, shape (s, 2)."""
-
-
 class RecordedHistory(History):
     """The past of a recording; holds arrays alone, so that the recording itself can be freed."""
 
     def __init__(self, recording: Recording, values: SafetyValues) -> None:
         self.scenario, self.values, self.swarm = recording.scenario, values, values.rows.swarm
-        self.times, self.x, self.h_tot = recording.times, recording.x, recording.h_tot
-        """Of the states, shapes (s,), (s, n̄) and (s,)."""
+        self.times, self.x = recording.times, recording.x
+        self.h_tot, self.h = recording.h_tot, recording.h
+        """Of the states, shapes (s,), (s, n̄), (s,) and (s,)."""
         self.broadcasts = broadcast_array(broadcasts(recording))
         self.conditions = _condition_changes(recording)
+        self._turns = recording.turns
         self._agents = [
             recorded_series(steps, len(member.dynamics.inputs))
             for steps, member in zip(
@@ -172,8 +166,18 @@ class RecordedHistory(History):
 
     @property
     def worst(self) -> int:
-        """Index of the state with the largest h_tot."""
-        return int(np.argmax(self.h_tot))
+        """Index of the state with the largest h of a pair with a normal agent."""
+        return int(np.argmax(self.h))
+
+    @cached_property
+    def worst_pair(self) -> Pair:
+        """The pair with that h; needs a state."""
+        turned = self._turned_by(float(self.times[self.worst]))
+        return self.swarm.safe_set.pairs[self.values.worst_pair(self.x[self.worst], turned)]
+
+    def _turned_by(self, t: float) -> list[int]:
+        """Agents that had turned adversary by t [s]."""
+        return [i for i, at in self._turns.items() if at <= t]
 
     @cached_property
     def trajectory(self) -> Array:
@@ -201,27 +205,20 @@ class RecordedHistory(History):
         return between
 
     @cached_property
-    def worst_pairs(self) -> WorstPairs:
-        """The worst pair at each state; needs a state."""
-        pairs = self.swarm.pairs
-        chosen = pairs.choose(pairs.every)
-        h, which = zip(*((h.max(), h.argmax()) for h in map(chosen.h, self.x)), strict=True)
-        return WorstPairs(np.array(h), chosen.pairs[list(which)])
-
-    @cached_property
     def totals(self) -> Array:
         distances = [smallest_distance(self.swarm, p) for p in self.positions]
         psi = np.array([self.values.higher_psi(x) for x in self.x])
-        return np.column_stack([self.times, self.h_tot, distances, psi])
+        return np.column_stack([self.times, self.h_tot, self.h, distances, psi])
 
     @cached_property
     def pairs(self) -> PairSeries:
         """h at the worst state of each block of time: at all states there would be too many."""
         count = pair_states(len(self.swarm.safe_set.pairs), min(_PAIR_STATES, len(self.times)))
         blocks = np.array_split(np.arange(len(self.times)), count)
-        worst = [block[int(np.argmax(self.h_tot[block]))] for block in blocks]
+        worst = [block[int(np.argmax(self.h[block]))] for block in blocks]
         # One state at a time: for several at once it takes half as much memory again.
-        h = np.array([self.values.every_h(x) for x in self.x[worst]])
+        each = zip(self.x[worst], self.times[worst].tolist(), strict=True)
+        h = np.array([self.values.every_h(x, self._turned_by(t)) for x, t in each])
         return PairSeries(self.times[worst], h)
 
     @property

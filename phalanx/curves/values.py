@@ -1,6 +1,6 @@
 """Values of the safe set at a state: h of pairs, and the ψ_k of the chain."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -21,21 +21,25 @@ class SafetyValues:
         """One pair's h at a state, shape (n̄,)."""
         return float(self._single(pair).h(x)[0])
 
-    def unsafe(self, x: Array) -> Index:
-        """Pairs with h > 0, the largest h first."""
-        h = self._every.h(x)
+    def unsafe(self, x: Array, turned: Collection[int] = ()) -> Index:
+        """Pairs with h > 0, the largest h first; they have a normal agent that did not turn."""
+        h = self.every_h(x, turned)
         # What is not a number is not safe either.
         found = np.flatnonzero(~(h <= 0.0))
-        largest_first: Index = self._every.order[found[np.argsort(-h[found], kind="stable")]]
+        largest_first: Index = found[np.argsort(-h[found], kind="stable")]
         return largest_first
 
-    def every_h(self, x: Array) -> Array:
-        """h of the composed set's pairs at states (n̄,) or (s, n̄); shape (p,) or (s, p)."""
-        return self._every.h(x)[..., self._places]
+    def every_h(self, x: Array, turned: Collection[int] = ()) -> Array:
+        """h of the composed set's pairs at a state, shapes (n̄,) and (p,).
 
-    def worst_pair(self, x: Array) -> int:
-        """The pair whose h is largest."""
-        return int(self._every.order[self._every.h(x).argmax()])
+        It is -inf of a pair without a normal agent, as these agents turned adversary.
+        """
+        h = self._every.h(x)[self._places]
+        return np.where(self.rows.swarm.without_normal(turned), -np.inf, h) if turned else h
+
+    def worst_pair(self, x: Array, turned: Collection[int] = ()) -> int:
+        """The pair whose h is largest; it has a normal agent that did not turn adversary."""
+        return int(self.every_h(x, turned).argmax())
 
     @property
     def psi_levels(self) -> range:

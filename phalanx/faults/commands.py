@@ -206,8 +206,9 @@ class FaultState:
         self.condition = [Condition.FINE for _ in names]
         self.loss: float | None = None
         self.delay: float | None = None
+        self.turned: set[int] = set()
+        """Agents that became adversaries, whatever happened to them since."""
         self._names = names
-        self._turned: set[int] = set()
         self._hidden: set[int] = set()
 
     def apply(self, command: Command) -> int | None:
@@ -222,17 +223,17 @@ class FaultState:
         if self.condition[i] not in effect.leads_from:
             return None
         if effect.leads_to is Condition.TURNED:
-            self._turned.add(i)
+            self.turned.add(i)
             self._hidden |= {i} if command.kind == CommandKind.HIJACK else set()
-        before = Condition.TURNED if i in self._turned else Condition.FINE
+        before = Condition.TURNED if i in self.turned else Condition.FINE
         self.condition[i] = effect.leads_to or before
         return i
 
     def active_commands(self, i: int) -> ActiveCommands | None:
         """Return the commands that agent i's samples carry; None if none concerns it."""
-        if self.loss is None and self.delay is None and i not in self._turned:
+        if self.loss is None and self.delay is None and i not in self.turned:
             return None
-        turned, hidden = i in self._turned, i in self._hidden
+        turned, hidden = i in self.turned, i in self._hidden
         return ActiveCommands(loss=self.loss, delay=self.delay, adversary=turned, hidden=hidden)
 
 

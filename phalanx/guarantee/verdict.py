@@ -176,17 +176,30 @@ class FaultCount(msgspec.Struct):
 
 
 class Violation(msgspec.Struct):
-    """A pair that left the safe set."""
+    """Excursions of a pair from the safe set: times with h > 0."""
 
     pair: str
     first: float
-    """[s]"""
+    """Begin of the first excursion [s]."""
     worst: float
     """Largest h."""
     worst_at: float
     """[s]"""
     duration: float
-    """Time with h > 0 [s]."""
+    """Of all excursions together [s]."""
+    count: int
+    """Number of excursions."""
+    begin: float
+    """Begin of the last one [s]."""
+    end: float | None
+    """Its end [s]; None while it lasts."""
+
+    @property
+    def times(self) -> str:
+        """Its times as text, such as "1.413 s from t = 124.118 s to 125.531 s"."""
+        end = "on" if self.end is None else f"to {self.end:.3f} s"
+        more = f", in {self.count} excursions" if self.count > 1 else ""
+        return f"{self.duration:.3f} s from t = {self.first:.3f} s {end}{more}"
 
 
 class Summary(msgspec.Struct):
@@ -200,11 +213,15 @@ class Summary(msgspec.Struct):
     seed: int
     trajectory: str
     """SHA-256 over every state and applied input, in hexadecimal."""
-    worst_h_tot: float
+    worst_h: float
+    """Largest h of a pair with a normal agent, at any integration step."""
     worst_at: float
-    """[s]"""
+    """Its time [s]."""
     worst_pair: str
-    """The pair whose h was largest."""
+    """Its pair."""
+    largest_h_tot: float
+    largest_h_tot_at: float
+    """[s]"""
     steps: int
     origins: dict[str, int]
     """Steps of normal agents by the origin of their input."""
@@ -222,14 +239,14 @@ class Summary(msgspec.Struct):
     """Every fault that the scenario declares."""
     punctuality: Punctuality | None = None
     """None unless the run was in real time."""
-    apart: list[Violation] = []
-    """Pairs that left the safe set after all their normal agents had turned adversary."""
+    excluded: list[Violation] = []
+    """Excursions of pairs since all their normal agents had turned adversary: not counted."""
     trust: TrustSummary | None = None
     """None unless agents watch each other."""
 
     def __repr__(self) -> str:
-        worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"
-        return f"Summary({self.outcome} after {self.t:g} s: {self.reason!r}, {worst})"
+        until = f"{self.outcome} after {self.t:g} s"
+        return f"Summary({until}: {self.reason!r}, worst h {self.worst_in_words})"
 
     def _repr_html_(self) -> str:
         """Return the key figures for a notebook."""
@@ -242,14 +259,26 @@ class Summary(msgspec.Struct):
         return [
             ("verdict", str(self.outcome)),
             ("virtual time", f"{self.t:.3f} s, seed {self.seed}"),
-            ("worst h_tot", f"{self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"),
-            ("worst pair", self.worst_pair),
+            ("worst h", self.worst_in_words),
             ("control steps of normal agents", steps),
             ("assumptions that failed", failed),
             ("certified", certified(self)),
             ("real-time factor", f"{self.real_time_factor:.1f}"),
             ("trajectory", self.trajectory[:16]),
         ]
+
+    @property
+    def worst_in_words(self) -> str:
+        """The worst h with its pair and time, as text."""
+        return f"{self.worst_h:.4g} of {self.worst_pair} at t = {self.worst_at:.3f} s"
+
+    @property
+    def on_theorem(self) -> str:
+        """Sentence on the paper's theorem, on which no verdict rests."""
+        if not (failed := [a for a in self.theorem if a.failed]):
+            return "All assumptions of the paper's theorem held as well."
+        without = "Assumptions of the paper's theorem, on which the verdict does not rest, failed"
+        return f"{without}: {_counts(failed)}."
 
     @property
     def notes(self) -> list[str]:
@@ -267,7 +296,7 @@ def read_summary(written: bytes) -> Summary:
     try:
         return msgspec.json.decode(written, type=Summary)
     except msgspec.DecodeError as error:  # not a ValueError, as UnicodeDecodeError is
-        raise ValueError(str(error)) from error
+        raise ValueError(f"no summary, or of another version of Phalanx: {error}") from error
 
 
 def certified(summary: Summary) -> str:
@@ -296,7 +325,7 @@ def judge(
     violations: list[Violation],
     assumptions: list[Assumption],
     theorem: list[Assumption],
-    apart: Sequence[Violation] = (),
+    excluded: Sequence[Violation] | None = None,
 ) -> tuple[Outcome, str]:
     """Return the outcome of a run that reached its end, and the reason in a sentence.
 
@@ -304,17 +333,22 @@ def judge(
         violations: pairs that left the safe set, the deepest first.
         assumptions: those of the outcome `guaranteed`.
         theorem: those of the paper's theorem, which have no effect on the outcome.
-        apart: violations of pairs without a normal agent, which have no effect either.
+        excluded: violations of pairs without a normal agent, which have no effect either; None if
+            there is no such pair.
     """
-    outcome, reason = _judged(violations, assumptions, theorem)
-    if not apart:
+    counted = "pair" if excluded is None else "pair with a normal agent"
+    outcome, reason = _judged(violations, assumptions, theorem, counted)
+    if not excluded:
         return outcome, reason
-    pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in apart)
+    pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in excluded)
     return outcome, f"{reason}; not counted, since their agents had turned adversary: {pairs}"
 
 
 def _judged(
-    violations: list[Violation], assumptions: list[Assumption], theorem: list[Assumption]
+    violations: list[Violation],
+    assumptions: list[Assumption],
+    theorem: list[Assumption],
+    counted: str,
 ) -> tuple[Outcome, str]:
     failed = [a for a in assumptions if a.failed]
     if violations:
@@ -325,22 +359,19 @@ def _judged(
             if a.first is not None and a.first <= worst.first
         ]
         before = f"; assumptions that had failed: {', '.join(earlier)}" if earlier else ""
+        times, in_all = "", ""
+        if worst.count > 1:
+            times, in_all = f" {worst.count} times, first", " in all"
         return Outcome.VIOLATED, (
-            f"{worst.pair} left the safe set at t = {worst.first:.3f} s, "
-            f"up to h = {worst.worst:.4g} where 0 is allowed, for {worst.duration:.3f} s{before}"
+            f"{worst.pair} left the safe set{times} at t = {worst.first:.3f} s, up to h = "
+            f"{worst.worst:.4g} where 0 is allowed, for {worst.duration:.3f} s{in_all}{before}"
         )
     if failed:
         return Outcome.SAFE, (
-            "no pair was outside the safe set at any integration step, but this is not guaranteed, "
-            f"nor known between the steps; assumptions that failed: {_counts(failed)}"
+            f"no {counted} was outside the safe set at any integration step, but this is not "
+            f"guaranteed, nor known between the steps; assumptions that failed: {_counts(failed)}"
         )
-    missing = [a for a in theorem if a.failed]
-    theorems = "assumptions of the paper's theorem"
-    note = f"{theorems} that failed: {_counts(missing)}" if missing else f"all {theorems} held"
-    return Outcome.GUARANTEED, (
-        "no pair left the safe set, and at every instant every pair was proven safe for all inputs "
-        f"of the other agents ({note})"
-    )
+    return Outcome.GUARANTEED, f"every {counted} was proven safe at every instant"
 
 
 def _counts(failed: list[Assumption]) -> str:

@@ -21,7 +21,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from zstandard import ZstdError, frame_content_size
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command
+from phalanx.faults.commands import Command, turns
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, make_importable
 from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step, StepData
@@ -67,6 +67,12 @@ class Recording:
         return "" if self.summary else self.damage or "it holds no summary"
 
     @property
+    def turns(self) -> dict[int, float]:
+        """The time at which each agent that turned adversary did so, by index [s]."""
+        names = [name for name, _, _ in self.scenario.roster()]
+        return {names.index(name): t for name, t in turns(names, self.commands).items()}
+
+    @property
     def times(self) -> Array:
         """Times of the states [s], shape (s,)."""
         return np.array([state.t for state in self.states])
@@ -80,6 +86,11 @@ class Recording:
     def h_tot(self) -> Array:
         """Largest h_tot up to each state since the one before, shape (s,)."""
         return np.array([state.h_tot for state in self.states])
+
+    @property
+    def h(self) -> Array:
+        """Likewise the largest h of a pair with a normal agent; in older recordings h_tot."""
+        return np.array([s.h_tot if s.h is None else s.h for s in self.states])
 
 
 def find(run: Path) -> Path:

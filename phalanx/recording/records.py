@@ -28,6 +28,8 @@ class State(msgspec.Struct):
     """Stacked state, shape (n̄,)."""
     h_tot: float
     """Largest h_tot since the state before."""
+    h: float | None = None
+    """Likewise the largest h of a pair with a normal agent; None in older recordings."""
 
 
 class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=True):
@@ -93,6 +95,8 @@ class Log(msgspec.Struct):
     """[s]"""
     text: str
     level: Level = Level.INFO
+    pair: str = ""
+    """The pair that left the safe set, or is safe again."""
 
 
 TOPICS: dict[type, str] = {

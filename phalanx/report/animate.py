@@ -251,8 +251,8 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
 
 
 def _progress(axes: Axes, history: ReportHistory, film: Film) -> Show:
-    """Draw h_tot, and a veil over what is still to come."""
-    draw_h(axes, history, largest=False)
+    """Draw h, and a veil over what is still to come."""
+    draw_h(axes, history)
     veil = Rectangle((0.0, 0.0), 1.0, 1.0, facecolor="white", alpha=0.8, zorder=3)
     veil.set_transform(axes.get_xaxis_transform())
     axes.add_patch(veil)

@@ -243,15 +243,12 @@ def _draw_zoom(
 
 def _shown(history: ReportHistory) -> list[int]:
     """Agents in the zoom: all; of many the worst pair's, then those that missed most broadcasts."""
-    safe_set, summary = history.swarm.safe_set, history.recording.summary
     count = len(history.swarm.names)
     if count <= style.MOST_NAMED:
         return list(range(count))
     sent = history.broadcasts
     missed = np.bincount(sent.receiver[sent.fate != FATES.index(IN_TIME)], minlength=count)
-    label = summary.worst_pair if summary else ""
-    pair = next((p for p in safe_set.pairs if safe_set.label(p) == label), None)
-    first = [] if pair is None else [i for i in pair if i < count]
+    first = [i for i in history.worst_pair if i < count]
     others = [i for i in np.argsort(-missed, kind="stable").tolist() if i not in first]
     return sorted([*first, *others][: style.MOST_NAMED])
 

@@ -21,13 +21,14 @@ from phalanx.theory.rows.origin import (
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """Entries of a recording's metadata that are no library's version."""
-_VIOLATIONS = ("pair", "first", "worst h", "worst at", "time with h > 0")
+_VIOLATIONS = ("pair", "excursions", "first from", "last until", "worst h", "worst at",
+               "time with h > 0")  # fmt: skip
 _PUNCTUALITY = ("quantity", "of this run")
 _ASSUMPTIONS = ("assumption", "meaning", "failed", "first failure")
 
 _MEANING = {
     Outcome.GUARANTEED: "Safe, and proven so at every instant for all inputs of the other agents.",
-    Outcome.SAFE: "Not unsafe at any integration step, but not proven throughout: safe by luck.",
+    Outcome.SAFE: "No violation was seen at any integration step, but safety is not proven.",
     Outcome.VIOLATED: "Some pair left the safe set.",
     Outcome.BROKEN: "The run did not reach its end.",
     Outcome.STOPPED: "The run was stopped by its user.",
@@ -81,7 +82,8 @@ def _verdict(recording: Recording) -> str:
         kind, meaning = "unfinished", "No verdict: the recording ends before the run did."
         reason = recording.unfinished
     else:
-        kind, meaning, reason = summary.outcome, _MEANING[summary.outcome], summary.reason
+        kind, meaning = summary.outcome, _MEANING[summary.outcome]
+        reason = f"{summary.reason}. {summary.on_theorem}"
     return (
         f'<div class="verdict {kind}"><strong>{kind}</strong>{escape(meaning)}'
         f"<p>{escape(reason)}</p></div>"
@@ -107,13 +109,14 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
         ("Run", recording.metadata.get("run", "unknown")),
         ("Seed", str(recording.scenario.seed)),
         ("Virtual time", f"{reached:.3f} s of {recording.scenario.duration:g} s"),
-        ("Worst h_tot", f"{peak.h_tot:.6g} at t = {peak.t:.3f} s" if peak else "no state"),
+        ("Worst h", f"{peak.h:.6g} at t = {peak.t:.3f} s" if peak else "no state"),
         ("Steps", f"{steps} recorded"),
         ("Empty K_i", share + kinds),
     ]
     if summary:
         rows += [
             ("Worst pair", summary.worst_pair),
+            ("Largest h_tot", f"{summary.largest_h_tot:.6g} at {summary.largest_h_tot_at:.3f} s"),
             ("Certified", certified(summary)),
             ("Wall time", f"{summary.wall_time:.3f} s"),
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
@@ -141,13 +144,16 @@ def _judgement(summary: Summary | None) -> list[str]:
         [(a.name, a.note, f"{a.failed} of {a.checked}", seconds(a.first)) for a in assumptions]
         for assumptions in (summary.assumptions, summary.theorem)
     )
-    violations, apart = (
+    violations, excluded = (
         [
-            (v.pair, seconds(v.first), f"{v.worst:.6g}", seconds(v.worst_at), seconds(v.duration))
+            (
+                v.pair, str(v.count), seconds(v.first), seconds(v.end), f"{v.worst:.6g}",
+                seconds(v.worst_at), seconds(v.duration),
+            )
             for v in sorted(found, key=lambda v: -v.worst)
         ]
-        for found in (summary.violations, summary.apart)
-    )
+        for found in (summary.violations, summary.excluded)
+    )  # fmt: skip
     punctuality, trust = summary.punctuality, summary.trust
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
@@ -155,7 +161,7 @@ def _judgement(summary: Summary | None) -> list[str]:
         "Assumptions of the guarantee": (_ASSUMPTIONS, guarantee),
         "Assumptions of the paper's theorem": (_ASSUMPTIONS, theorem),
         "Violations": (_VIOLATIONS, violations),
-        "Not counted: of agents that had turned adversary": (_VIOLATIONS, apart or None),
+        "Not counted: of agents that had turned adversary": (_VIOLATIONS, excluded or None),
         "Real time": (_PUNCTUALITY, timing_rows(punctuality) if punctuality else None),
         "Trust": (("count", "found"), trust.rows if trust else None),
         "Declared faults": (("fault", "times it had an effect"), faults),

@@ -95,8 +95,8 @@ def _draw_roles(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) ->
             label = f"{len(of_role)} × {role}"
             axes.add_collection(LineCollection(list(paths[of_role]), colors=colour, linewidths=0.8))
             axes.plot(*paths[of_role, -1].T, "s", color=colour, markersize=2.5, label=label)
-    at = int(history.worst_pairs.h.argmax())
-    for i, colour in zip(history.worst_pairs.pairs[at].tolist(), style.WORST, strict=False):
+    at = history.worst
+    for i, colour in zip(history.worst_pair, style.WORST, strict=False):
         if i < len(roster):
             p, name = history.positions[:, i][:, plane], roster[i][0]
             axes.plot(*p[keep].T, color=colour, linewidth=1.3, label=f"{name}, of the worst pair")

@@ -10,7 +10,7 @@ from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_paths, draw_scene
 from phalanx.report.safety import draw_h
 from phalanx.report.steps import draw_certified, draw_shares
-from phalanx.report.style import SCREEN, current, drawn_for, legend, summarises
+from phalanx.report.style import SCREEN, current, drawn_for, legend
 
 _HEIGHT, _PATHS = 2.5, 5.0
 """Of a panel, and of the paths [inch]."""
@@ -61,7 +61,7 @@ def _inputs(axes: Axes, history: ReportHistory) -> None:
 
 PANELS: dict[str, Callable[[Axes, ReportHistory], None]] = {
     "paths": _paths,
-    "h": lambda axes, history: draw_h(axes, history, summarises(history.scenario)),
+    "h": draw_h,
     "inputs": _inputs,
     "certified": draw_certified,
 }

@@ -23,62 +23,59 @@ _MOST_PAIRS = 60
 
 
 class Worst(NamedTuple):
-    """The largest h_tot of a run."""
+    """The largest h of a pair with a normal agent in a run."""
 
-    h_tot: float
+    h: float
     t: float
     """[s]"""
 
 
 def worst(recording: Recording) -> Worst | None:
-    """The largest h_tot and its time; None if no state was recorded."""
+    """The worst h and its time; None if no state was recorded."""
     if not recording.states:
         return None
     if recording.summary:
-        return Worst(recording.summary.worst_h_tot, recording.summary.worst_at)
-    state = max(recording.states, key=lambda s: s.h_tot)
-    return Worst(state.h_tot, state.t)
+        return Worst(recording.summary.worst_h, recording.summary.worst_at)
+    largest = recording.h
+    return Worst(float(largest.max()), float(recording.times[largest.argmax()]))
 
 
 def safety(history: ReportHistory) -> Figure:
-    """Draw h_tot over time, and a second panel around zero if that was crossed; needs a state.
-
-    With many agents, also the largest h of a pair.
-    """
-    peak, many = worst(history.recording), style.summarises(history.scenario)
+    """Draw h over time, and a second panel around zero if that was crossed; needs a state."""
+    peak = worst(history.recording)
     assert peak is not None
-    crossed = peak.h_tot > 0.0
+    crossed = peak.h > 0.0
     figure, rows = style.over_time(2 if crossed else 1, 3.0)
     for axes in rows:
-        draw_h(axes, history, many)
+        draw_h(axes, history)
     if crossed:
         rows[0].set_xlabel("")
-        rows[1].set_ylim(-2.0 * peak.h_tot, 1.3 * peak.h_tot)
+        rows[1].set_ylim(-2.0 * peak.h, 1.3 * peak.h)
         rows[1].set_title("", loc="right")
-    if many:
-        style.legend(rows[0])
+    style.legend(rows[0])
     return figure
 
 
-def draw_h(axes: Axes, history: ReportHistory, largest: bool) -> None:
-    """Draw h_tot over time, with its worst value; largest: whether also the largest h of a pair."""
+def draw_h(axes: Axes, history: ReportHistory) -> None:
+    """Draw h_tot and the largest h of a pair over time, with the worst h."""
     peak = worst(history.recording)
     assert peak is not None
     style.style_axes(axes)
     shown = kept(history.h_tot)
-    t, h = history.times[shown], history.h_tot[shown]
-    axes.plot(t, h, color=NORMAL, linewidth=1.2, label=r"$h_{tot}$")
-    if largest:
-        label = "largest h of a pair"
-        axes.plot(history.times, history.worst_pairs.h, color="#111111", linewidth=0.9, label=label)
+    axes.plot(
+        history.times[shown], history.h_tot[shown], color=NORMAL, linewidth=1.2, label="$h_{tot}$"
+    )
+    shown = kept(history.h)
+    t, h = history.times[shown], history.h[shown]
+    axes.plot(t, h, color="#111111", linewidth=0.9, label="largest h of a pair")
     axes.axhline(0.0, color=LIMIT, linewidth=1.2)
     axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
-    axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
-    axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(history.scenario) or 'SI'}]")
+    axes.plot([peak.t], [peak.h], "o", color=PEAK, markersize=5)
+    axes.set_ylabel(f"h [{unit_of_psi(history.scenario) or 'SI'}]")
     axes.set_xlabel("t [s]")
     axes.margins(x=0.01)
     axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(h), 0.1))
-    style.title(axes, f"worst {peak.h_tot:.4g} at {peak.t:.3f} s", PEAK)
+    style.title(axes, f"worst h {peak.h:.4g} at {peak.t:.3f} s", PEAK)
 
 
 def psi(history: RecordedHistory) -> Figure | None:

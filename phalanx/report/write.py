@@ -133,8 +133,8 @@ def _step_figures(history: ReportHistory) -> Iterator[ReportFigure]:
 
 
 _SAFETY = (
-    "h_tot over time, each value the largest since the event before. At or below zero every pair "
-    "is safe; h_tot lies a little above the largest h, so above zero a pair may still be safe."
+    "The largest h of a pair with a normal agent, and h_tot, over time, each value the largest "
+    "since the event before. A pair is safe at or below zero. h_tot lies above the largest h."
 )
 _PSI = (
     "The largest ψ_k of the chain over all that normal agents keep, as the scenario composes it. "
@@ -182,7 +182,7 @@ _LOSSES = "Share of broadcasts lost on each link, with the loss that the scenari
 def _paths_caption(recording: Recording) -> str:
     circles = (
         " Circles have half the required distance as radius, so two that overlap are too close: "
-        "solid at the end, dashed when h_tot was worst."
+        "solid at the end, dashed at the worst h."
         if safety.required_distance(recording.scenario)
         else ""
     )

@@ -29,7 +29,7 @@ class Row(msgspec.Struct, kw_only=True):
     t: float | None = None
     """Virtual time reached [s]."""
     worst_h: float | None = None
-    """Largest h_tot."""
+    """Largest h of a pair with a normal agent."""
     worst_at: float | None = None
     """[s]"""
     worst_pair: str = ""
@@ -72,7 +72,7 @@ def row_of(
         outcome=summary.outcome,
         reason=summary.reason,
         t=summary.t,
-        worst_h=summary.worst_h_tot,
+        worst_h=summary.worst_h,
         worst_at=summary.worst_at,
         worst_pair=summary.worst_pair,
         first_violation=min((each.first for each in summary.violations), default=None),

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
@@ -199,6 +199,12 @@ class Swarm:
         own, other = (self._outputs[self.names[l]](x[self.safe_set.parts[l]]) for l in (i, j))
         steps = zip(own.position.tolist(), other.position.tolist(), strict=True)
         return math.sqrt(added((p - q) * (p - q) for p, q in steps))
+
+    def without_normal(self, turned: Collection[int]) -> Mask:
+        """Return the pairs without a normal agent once these agents turned adversary, (p,)."""
+        normal = np.isin(np.arange(self.pairs.every.max() + 1), [*set(self.normal) - {*turned}])
+        found: Mask = ~normal[self.pairs.every].any(axis=1)
+        return found
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """Return the agents whose broadcasts agent i uses when it sees them."""

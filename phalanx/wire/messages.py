@@ -125,7 +125,7 @@ class Status(Message, frozen=True, kw_only=True):
     """[s]"""
     real_time_factor: float = 0.0
     worst_h: float | None = None
-    """Largest h_tot so far; null before the first."""
+    """Largest h of a pair with a normal agent so far; null before the first."""
     steps: int = 0
     backups: int = 0
     """Steps of normal agents at which u_i^min was applied."""
@@ -188,10 +188,14 @@ class Frame(Message, frozen=True, kw_only=True):
     """Stacked state, little-endian float64."""
     h_tot: float
     """Largest h_tot since the frame before."""
+    h: float
+    """Likewise the largest h of a pair with a normal agent."""
     worst_h: float
-    """Largest h_tot so far."""
+    """The largest so far."""
     pair: int
-    """The pair whose h is largest at t: an index into the composed set's pairs."""
+    """The pair with a normal agent whose h is largest at t, as an index into all pairs."""
+    turned: tuple[int, ...]
+    """Agents that became adversaries: pairs without a normal agent no longer count."""
     agents: tuple[AgentStatus, ...]
     link_events: tuple[LinkEvent, ...]
     steps: int

@@ -50,8 +50,9 @@ SEALER = Sealer(b"the run's secret")
 SCENARIO = load("unicycles", ["duration=1000.0"])
 ME, PEER = 0, 1
 SUMMARY = Summary(
-    outcome=Outcome.SAFE, reason="", t=1.0, seed=0, trajectory="", worst_h_tot=-1.0, worst_at=0.5,
-    worst_pair="1-2", steps=100, origins={"qp": 100}, assumptions=[], theorem=[],
+    outcome=Outcome.SAFE, reason="", t=1.0, seed=0, trajectory="", worst_h=-1.0, worst_at=0.5,
+    worst_pair="1-2", largest_h_tot=-0.9, largest_h_tot_at=0.5,
+    steps=100, origins={"qp": 100}, assumptions=[], theorem=[],
     certificates=CertificateSummary(), violations=[], rejected={}, wall_time=1.0,
 )  # fmt: skip
 
@@ -100,7 +101,8 @@ def _frame(k: int) -> Frame:
     )  # fmt: skip
     agents = tuple(AgentStatus(step=step) for _ in _swarm().names)
     return Frame(
-        t=0.01 * k, x=_state(), h_tot=-1.0, worst_h=-0.5, pair=2, agents=agents,
+        t=0.01 * k, x=_state(), h_tot=-1.0, h=-1.1, worst_h=-0.5, pair=2, turned=(1,),
+        agents=agents,
         link_events=(LinkEvent(0, 1, 0.1),), steps=k, real_time_factor=1.0, assumptions=(),
         violations=(), log=(LogLine(0.0, "begun"),), paused=False, speed=0.0, loss=None, delay=None,
     )  # fmt: skip

@@ -114,7 +114,7 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
     "slot": in_slots,
     "turn": lambda run: (
-        [v.pair for v in run.summary.apart] == ["1-4"] and logged(run, "1 turned adversary")
+        [v.pair for v in run.summary.excluded] == ["1-4"] and logged(run, "1 turned adversary")
     ),
 }
 

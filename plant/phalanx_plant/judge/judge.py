@@ -5,6 +5,7 @@ are compared with these. All that is recorded and shown of an event is in its ju
 """
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
@@ -35,7 +36,7 @@ from phalanx_plant.world.events import (
     Sampled,
     StateReached,
 )
-from phalanx_plant.world.extremes import PairExtremes
+from phalanx_plant.world.extremes import LOWEST, Crossing, PairExtremes, Peak
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
 
 
@@ -45,8 +46,8 @@ class Judged(Struct, frozen=True):
     event: Event
     notices: Sequence[Log] = ()
     """Lines of the event log."""
-    peak: float = -np.inf
-    """Of a StateReached: the largest h_tot since the previous one."""
+    peak: Peak = LOWEST
+    """Of a StateReached: the largest values since the previous one."""
     made: tuple[AppliedStep, Telemetry] | None = None
     """Of an InputApplied: its control step, and the agent's report on it."""
     received: Sequence[tuple[Fate, Finding]] = ()
@@ -71,8 +72,8 @@ class Judge:
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
         self._latency = swarm.time.latency
-        self._unsafe: set[int] = set()
-        """Pairs whose h is above zero."""
+        self._crossings: list[Crossing] = []
+        """Those at the start, until the first event."""
         self._turned: set[int] = set()
         """Normal agents that became adversaries."""
         self._warned: set[str] = set()
@@ -99,11 +100,17 @@ class Judge:
         Together, as h, ψ and certificates cost least for many. Raises DivergedError, and what the
         first report that does not arrive raises, once the others are judged.
         """
+        # States after a command are evaluated once it has excluded pairs.
+        commands = [k + 1 for k, event in enumerate(events) if type(event) is CommandApplied]
+        for begin, end in pairwise([0, *commands, len(events)]):
+            self._judge(events[begin:end], judged)
+
+    def _judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         places = [k for k, event in enumerate(events) if type(event) is StateReached]
         failed = self._add([e.history for e in events if type(e) is StateReached])
         if failed is not None:
             number, diverged = failed
-            self.judge(events[: places[number]], judged)
+            self._judge(events[: places[number]], judged)
             raise diverged
         proven = iter(self.coverage.proven([e for e in events if type(e) is InputApplied]))
         number, failure = 0, None
@@ -132,6 +139,7 @@ class Judge:
         """Check the world's history at t = 0. Raises DivergedError."""
         if (failed := self._add([history])) is not None:
             raise failed[1]
+        _, self._crossings = self.extremes.take(0)
 
     def _add(self, histories: Sequence[History]) -> tuple[int, DivergedError] | None:
         """Check consecutive histories; if one is not finite return its number and the error."""
@@ -171,18 +179,17 @@ class Judge:
     def _reached(self, event: StateReached, number: int) -> Judged:
         self.coverage.reached(event.t)
         self.assumptions.reached(event)
-        extremes, before = self.extremes, self._unsafe
-        peak, now = extremes.take(number)
-        self._unsafe, notices = now, list[Log]()
-        for piece in event.history:
-            if type(piece) is WorldNote:
-                notices.append(Log(piece.t, piece.text, Level.WARNING))
-        if now != before:
-            notices += [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
-            notices += [
-                Log(event.t, f"{extremes.label(p)} is safe again") for p in sorted(before - now)
-            ]
-        return Judged(event, notices, peak=peak)
+        peak, crossings = self.extremes.take(number)
+        notices = [
+            Log(each.t, each.text, Level.WARNING)
+            for each in event.history
+            if type(each) is WorldNote
+        ]
+        for each in self._crossings + crossings:
+            level, pair = Level.ERROR if each.unsafe else Level.INFO, self.extremes.label(each.pair)
+            notices.append(Log(each.t, self.extremes.in_words(each), level, pair))
+        self._crossings = []
+        return Judged(event, sorted(notices, key=lambda line: line.t), peak=peak)
 
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
@@ -192,7 +199,7 @@ class Judge:
             if effect.leads_to is not None and effect.leads_to.silent:
                 self.assumptions.fell_silent(i, command.t)
             if effect.leads_to is Condition.TURNED:
-                self._turn(i)
+                self._turn(i, command.t)
             if effect.process is ProcessChange.STARTS:
                 self._rejected_before[i] += self._rejected[i]
                 self._rejected[i] = 0
@@ -201,18 +208,17 @@ class Judge:
         level = Level.WARNING if command.harms else Level.INFO
         return Judged(event, [Log(command.t, f"{command}{lost}", level)])
 
-    def _turn(self, i: int) -> None:
-        """Set apart agent i's pairs without a normal agent, as it is an adversary now.
+    def _turn(self, i: int, t: float) -> None:
+        """Exclude agent i's pairs without a normal agent, as it is an adversary from t [s] on.
 
         Two adversaries are no pair of the safe set from the start either.
         """
         self._turned.add(i)
         self.assumptions.turned(i)
-        normal = set(self._swarm.normal) - self._turned
-        pairs = enumerate(self._swarm.safe_set.pairs)
-        apart = np.array([k for k, p in pairs if not {p.a, p.b} & normal], dtype=np.intp)
-        self.extremes.set_apart(apart)
-        self.coverage.turned(i, apart)
+        excluded = np.flatnonzero(self._swarm.without_normal(self._turned))
+        self.extremes.exclude(excluded, t)
+        self.evaluation.pairs.excluded[excluded] = True
+        self.coverage.turned(i, excluded)
 
     def _applied(self, event: InputApplied, proven: Array) -> Judged:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())

@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-import numpy as np
 from msgspec.structs import replace
 
 from phalanx.faults.commands import FaultState
@@ -16,6 +15,7 @@ from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached
+from phalanx_plant.world.extremes import LOWEST, larger
 from phalanx_plant.world.world import World
 
 _EVERY = 1.0 / 30.0
@@ -67,7 +67,7 @@ class Publisher:
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
-        self._peak = -np.inf
+        self._peak = LOWEST
         self._due = 0.0
         self._status_due = time.monotonic()
         self.begin()
@@ -99,7 +99,7 @@ class Publisher:
         match event:
             case StateReached():
                 self._x = event.x
-                self._peak = max(self._peak, judged.peak)
+                self._peak = larger(self._peak, judged.peak)
             case CommandApplied():
                 self._faults.apply(event.command)
             case InputApplied() if judged.made is not None:
@@ -133,7 +133,7 @@ class Publisher:
             Status(
                 t=self._t,
                 real_time_factor=self._t / max(now - self._began, 1e-9),
-                worst_h=judge.extremes.worst_h_tot,
+                worst_h=judge.extremes.worst_h,
                 steps=judge.steps,
                 backups=judge.backups,
             )
@@ -147,16 +147,20 @@ class Publisher:
         if self._audience.heard:
             self._audience.put(self._frame(time.monotonic()))
         self._link_events.clear()
-        self._peak = -np.inf
+        self._peak = LOWEST
 
     def _frame(self, now: float) -> Frame:
         extremes = self._judge.extremes
+        lasting_first = sorted(extremes.violations(), key=lambda v: v.end is not None)
+        h_tot, h = larger(self._peak, extremes.now)
         return Frame(
             t=self._t,
             x=self._x.astype("<f8").tobytes(),
-            h_tot=max(self._peak, extremes.h_tot),
-            worst_h=extremes.worst_h_tot,
+            h_tot=h_tot,
+            h=h,
+            worst_h=extremes.worst_h,
             pair=extremes.largest,
+            turned=tuple(sorted(self._faults.turned)),
             agents=tuple(
                 replace(agent, condition=condition)
                 for agent, condition in zip(self._agents, self._faults.condition, strict=True)
@@ -165,7 +169,7 @@ class Publisher:
             steps=self._judge.steps,
             real_time_factor=self._real_time_factor(now),
             assumptions=tuple(self._judge.assumptions.of_guarantee),
-            violations=tuple(extremes.violations()[:8]),
+            violations=tuple(lasting_first[:8]),
             log=tuple(self._log),
             paused=self._commands.pace.paused,
             speed=self._commands.pace.speed,

@@ -16,6 +16,7 @@ from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached
+from phalanx_plant.world.extremes import LOWEST, larger
 
 _TIME, _INPUT = struct.Struct("=d"), struct.Struct("=dd")
 
@@ -62,8 +63,8 @@ class Recorder:
         self._every, self._end = swarm.time.recording_step, swarm.scenario.duration
         """Least time between two recorded states [s]."""
         self._state_due = 0.0
-        self._peak = -np.inf
-        """Largest h_tot since the last recorded state."""
+        self._peak = LOWEST
+        """Largest values since the last recorded state."""
         self._received: list[list[tuple[Fate, Finding]]] = [[] for _ in swarm.names]
         """By agent, the broadcasts since its last recorded step: a step whose input was lost is not
         recorded."""
@@ -75,10 +76,10 @@ class Recorder:
             event = judged.event
             match event:
                 case StateReached():
-                    peak = self._peak = judged.peak if judged.peak > self._peak else self._peak
+                    self._peak = larger(self._peak, judged.peak)
                     if event.t >= min(self._state_due, self._end):
-                        records.append(State(event.t, event.x.tolist(), peak))
-                        self._state_due, self._peak = event.t + self._every, -np.inf
+                        records.append(State(event.t, event.x.tolist(), *self._peak))
+                        self._state_due, self._peak = event.t + self._every, LOWEST
                 case CommandApplied():
                     records.append(event.command)
                 case InputApplied() | InputLost():

@@ -23,7 +23,7 @@ class EvaluatedSteps(NamedTuple):
     times: Array
     """[s], shape (s,)"""
     pairs: Index
-    """Relevant pairs, shape (r,): no other has a larger h, or one above zero."""
+    """Relevant pairs, shape (r,): no other one that counts has a larger h, or one above zero."""
     h: Array
     """h of each of them, shape (s, r)."""
     h_tot: Array
@@ -43,7 +43,7 @@ class Evaluation:
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
-        self._pairs = RelevantPairs(swarm, self._psi.functions)
+        self.pairs = RelevantPairs(swarm, self._psi.functions)
         self._resolution = swarm.shared(Resolution, lambda: Resolution(swarm))
         rho, pairs = swarm.safety.rho, len(swarm.safe_set.pairs)
         self._sum = swarm.shared((LogSumExp, pairs), lambda: LogSumExp(rho, pairs))
@@ -65,7 +65,7 @@ class Evaluation:
         resolved = self._resolution.resolves(segments).repeat(counts)
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
-            pairs, values, least = self._pairs(x[some], positions[some])
+            pairs, values, least = self.pairs(x[some], positions[some])
             h = values[..., 0]
             composed = self._sum(h)
             yield EvaluatedSteps(

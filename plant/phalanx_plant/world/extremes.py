@@ -1,140 +1,183 @@
 """Extremes of the true h of every pair, over all integration steps."""
 
 from collections import defaultdict
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
-from phalanx.arrays import Array, Index, Mask
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.verdict import Violation
-from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx_plant.world.evaluation import EvaluatedSteps
 
 
-class _Violations:
-    """Depth and duration of each pair's violations of the safe set."""
+class Crossing(NamedTuple):
+    """A pair that left the safe set, or came back to it."""
 
-    def __init__(self, count: int) -> None:
-        self._worst = np.full(count, -np.inf)
-        self._worst_at = np.zeros(count)
-        self._first = np.full(count, np.inf)
-        self._duration = np.zeros(count)
+    t: float
+    """[s]"""
+    pair: int
+    unsafe: bool
 
-    def add(self, times: Array, lengths: Array, pairs: Index, h: Array, unsafe: Mask) -> None:
-        """Add s integration steps of these lengths [s]: h and h > 0 of some pairs, (s, r)."""
-        highest = h.max(axis=0)
-        deeper = highest > self._worst[pairs]
-        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
-        self._worst[pairs[deeper]] = highest[deeper]
-        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
-        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
-        self._first[pairs] = np.minimum(self._first[pairs], first)
 
-    def sorted(self, composed: ComposedSet) -> list[Violation]:
-        """Return all violations, the deepest first."""
+class _Excursions:
+    """Times at which each pair was outside the safe set, and how far."""
+
+    def __init__(self, composed: ComposedSet) -> None:
+        self._composed = composed
+        self._violations: dict[int, Violation] = {}
+        self._lasting: set[int] = set()
+        """Pairs that are outside."""
+        self._t = 0.0
+
+    def add(self, times: Array, unsafe: Mapping[int, Array]) -> list[Crossing]:
+        """Add steps at these times [s], with the h of each pair that is unsafe at one of them."""
+        self._t = float(times[-1])
+        crossings = [self._end(p, float(times[0])) for p in self._lasting - unsafe.keys()]
+        for pair, h in unsafe.items():
+            outside = ~(h <= 0.0)
+            for k in np.flatnonzero(np.diff(outside, prepend=pair in self._lasting)).tolist():
+                cross = self._begin if outside[k] else self._end
+                crossings.append(cross(pair, float(times[k])))
+            violation = self._violations[pair]
+            if h.max() > violation.worst:
+                violation.worst, violation.worst_at = float(h.max()), float(times[h.argmax()])
+        return crossings
+
+    def end(self, pairs: Index, t: float) -> None:
+        """End the excursions of these pairs at t [s]."""
+        for pair in self._lasting.intersection(pairs.tolist()):
+            self._end(pair, t)
+
+    def _begin(self, pair: int, t: float) -> Crossing:
+        name = self._composed.label(self._composed.pairs[pair])
+        first = Violation(name, t, -np.inf, t, 0.0, 0, t, None)
+        violation = self._violations.setdefault(pair, first)
+        violation.count, violation.begin, violation.end = violation.count + 1, t, None
+        self._lasting.add(pair)
+        return Crossing(t, pair, unsafe=True)
+
+    def _end(self, pair: int, t: float) -> Crossing:
+        violation = self._violations[pair]
+        violation.duration, violation.end = violation.duration + t - violation.begin, t
+        self._lasting.remove(pair)
+        return Crossing(t, pair, unsafe=False)
+
+    def violations(self) -> list[Violation]:
+        """Return every pair's excursions, the deepest first; those that last until now."""
         found = [
-            Violation(
-                composed.label(composed.pairs[p]),
-                float(self._first[p]),
-                float(self._worst[p]),
-                float(self._worst_at[p]),
-                float(self._duration[p]),
-            )
-            for p in np.flatnonzero(self._first < np.inf).tolist()
+            replace(v, duration=v.duration + (self._t - v.begin if v.end is None else 0.0))
+            for v in self._violations.values()
         ]
         return sorted(found, key=lambda v: -v.worst)
+
+
+class _Part(NamedTuple):
+    """Consecutive steps of one history."""
+
+    largest: list[tuple[float, float, float, int]]
+    """h_tot, time [s], the largest h that counts, and its pair."""
+    times: Array
+    pairs: Index
+    h: Array
+
+
+Peak = tuple[float, float]
+"""Largest h_tot, and largest h of a pair with a normal agent."""
+LOWEST: Peak = (-np.inf, -np.inf)
+
+
+def larger(a: Peak, b: Peak) -> Peak:
+    """Return the larger values of both."""
+    return max(a[0], b[0]), max(a[1], b[1])
 
 
 class PairExtremes:
     """Running extremes of every pair's h and of h_tot."""
 
     def __init__(self, composed: ComposedSet) -> None:
-        self._composed, count = composed, len(composed.pairs)
-        self._t = 0.0
-        self._worst_pair = 0
-        self.largest_h = -np.inf
-        """Largest h of a pair so far."""
-        self._counted, self._apart = _Violations(count), _Violations(count)
-        self._is_apart = np.zeros(count, dtype=bool)
-        self.worst_h_tot = -np.inf
-        """Largest h_tot so far."""
-        self.worst_at = 0.0
-        """Time of the largest h_tot [s]."""
-        self.largest = 0
-        """The pair whose h was largest at the last step."""
-        self.h_tot = -np.inf
+        self._composed = composed
+        self._counted, self._apart = _Excursions(composed), _Excursions(composed)
+        self._is_excluded = np.zeros(len(composed.pairs), dtype=bool)
+        self.worst_h, self.worst_at, self._worst_pair = -np.inf, 0.0, 0
+        """Largest h so far of a pair with a normal agent, its time [s] and its pair."""
+        self.largest_h_tot, self.largest_h_tot_at = -np.inf, 0.0
+        """Largest h_tot so far, and its time [s]."""
+        self.now = LOWEST
         """At the last step."""
-        self._peaks: dict[int, float] = {}
-        """By number of a history, its largest h_tot, the value before it included."""
-        self._unsafe: defaultdict[int, list[tuple[Array, Array, Index, Array]]] = defaultdict(list)
-        """By history, times, lengths, pairs and h of steps that left the safe set, if any did."""
+        self.largest = 0
+        """The pair with a normal agent whose h was largest at the last step."""
+        self._parts: defaultdict[int, list[_Part]] = defaultdict(list)
+        """By number of a history, until it is taken."""
 
     @property
     def worst_pair(self) -> str:
-        """The pair whose h was largest."""
+        """The pair of the worst h."""
         return self.label(self._worst_pair)
 
     def label(self, pair: int) -> str:
         """Name of a pair, by its index."""
         return self._composed.label(self._composed.pairs[pair])
 
-    def left(self, pair: int) -> str:
-        """Message that a pair left the safe set."""
-        apart = ", set apart: there is no normal agent in it any more"
-        return f"{self.label(pair)} left the safe set{apart if self._is_apart[pair] else ''}"
+    def in_words(self, crossing: Crossing) -> str:
+        """Message that a pair left the safe set, or is safe again."""
+        if not crossing.unsafe:
+            return f"{self.label(crossing.pair)} is safe again"
+        excluded = ", not counted: there is no normal agent in it any more"
+        more = excluded if self._is_excluded[crossing.pair] else ""
+        return f"{self.label(crossing.pair)} left the safe set{more}"
 
     def add(self, steps: EvaluatedSteps) -> None:
-        """Add integration steps."""
+        """Add integration steps; they count once their history is taken."""
         numbers, times, pairs, h, h_tot, *_ = steps
-        at = int(h.argmax())
-        if (highest := float(h.flat[at])) > self.largest_h:
-            self.largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
-        self.largest = int(pairs[h[-1].argmax()])
-        highest_at = int(h_tot.argmax())
-        peak = float(h_tot[highest_at])
-        if peak > self.worst_h_tot:
-            self.worst_h_tot, self.worst_at = peak, float(times[highest_at])
-        for number, value in zip(numbers.tolist(), h_tot.tolist(), strict=True):
-            if number not in self._peaks:
-                self._peaks[number] = self.h_tot
-            if value > self._peaks[number]:
-                self._peaks[number] = value
-            self.h_tot = value
-        if not peak <= 0.0:
-            self._keep_unsafe(steps)
-        self._t = float(times[-1])
+        excluded = self._is_excluded[pairs]
+        counted = np.where(excluded, -np.inf, h) if excluded.any() else h
+        which = counted.argmax(axis=1)
+        columns = h_tot, times, counted[np.arange(len(h)), which], pairs[which]
+        largest = list(zip(*(column.tolist() for column in columns), strict=True))
+        ends = np.flatnonzero(np.diff(numbers)) + 1
+        for begin, end in pairwise([0, *ends.tolist(), len(numbers)]):
+            part = _Part(largest[begin:end], times[begin:end], pairs, h[begin:end])
+            self._parts[int(numbers[begin])].append(part)
 
-    def _keep_unsafe(self, steps: EvaluatedSteps) -> None:
-        lengths = np.diff(steps.times, prepend=self._t)
-        for number in np.unique(steps.numbers).tolist():
-            own = steps.numbers == number
-            # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
-            if not steps.h_tot[own].max() <= 0.0:
-                part = steps.times[own], lengths[own], steps.pairs, steps.h[own]
-                self._unsafe[number].append(part)
+    def take(self, number: int) -> tuple[Peak, list[Crossing]]:
+        """Take a history: return its largest values, and the pairs that left or came back.
 
-    def take(self, number: int) -> tuple[float, set[int]]:
-        """Return the largest h_tot in a history, and the pairs that were outside their safe sets.
-
-        The value of h_tot before it counts too.
+        The values before it count too.
         """
-        outside = set[int]()
-        for times, lengths, pairs, h in self._unsafe.pop(number, ()):
-            unsafe, apart = ~(h <= 0.0), self._is_apart[pairs]
-            outside.update(pairs[unsafe.any(axis=0)].tolist())
-            for violations, some in ((self._counted, ~apart), (self._apart, apart)):
-                if some.any():
-                    violations.add(times, lengths, pairs[some], h[:, some], unsafe[:, some])
-        return self._peaks.pop(number, self.h_tot), outside
+        peak, crossings = self.now, list[Crossing]()
+        for part in self._parts.pop(number, ()):
+            for h_tot, t, h, pair in part.largest:
+                if h > self.worst_h:
+                    self.worst_h, self.worst_at, self._worst_pair = h, t, pair
+                if h_tot > self.largest_h_tot:
+                    self.largest_h_tot, self.largest_h_tot_at = h_tot, t
+                self.now, self.largest = (h_tot, h), pair
+                peak = larger(peak, self.now)
+            crossings += self._crossings(part)
+        return peak, sorted(crossings)
 
-    def set_apart(self, pairs: Index) -> None:
-        """Stop counting these pairs, which have no normal agent any more, against the verdict."""
-        self._is_apart[pairs] = True
+    def _crossings(self, part: _Part) -> list[Crossing]:
+        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
+        safe = all(h_tot <= 0.0 for h_tot, *_ in part.largest)
+        unsafe = [] if safe else np.flatnonzero(~(part.h <= 0.0).all(axis=0)).tolist()
+        found = {int(part.pairs[k]): part.h[:, k] for k in unsafe}
+        counted = {pair: h for pair, h in found.items() if not self._is_excluded[pair]}
+        apart = {pair: found[pair] for pair in found.keys() - counted.keys()}
+        return self._counted.add(part.times, counted) + self._apart.add(part.times, apart)
+
+    def exclude(self, pairs: Index, t: float) -> None:
+        """Count these pairs, without a normal agent from t [s] on, no more for the verdict."""
+        self._is_excluded[pairs] = True
+        self._counted.end(pairs, t)
 
     def violations(self) -> list[Violation]:
         """Pairs with h > 0 at some step, the deepest first."""
-        return self._counted.sorted(self._composed)
+        return self._counted.violations()
 
-    def apart(self) -> list[Violation]:
-        """The same for pairs since they were set apart."""
-        return self._apart.sorted(self._composed)
+    def excluded(self) -> list[Violation] | None:
+        """The same for pairs since they were excluded; None if none was."""
+        return self._apart.violations() if self._is_excluded.any() else None

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.function import Reaching, proven_reach, static_reach
@@ -54,6 +54,8 @@ class RelevantPairs:
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
         self._negligible = negligible_below(swarm.safety.rho, len(self._every))
+        self.excluded: Mask = np.zeros(len(self._every), dtype=bool)
+        """Pairs that make no other one irrelevant, shape (p,)."""
         members = len(swarm.members)
         self._numbers = np.full((members, members + len(scenario.static)), -1)
         self._numbers[tuple(self._every.T)] = np.arange(len(self._every))
@@ -82,7 +84,8 @@ class RelevantPairs:
         if self._function is None:
             return np.full(len(h), -np.inf)
         # If pairs are missing, the largest h found is too small, which is safe.
-        least: Array = np.minimum(0.0, h.max(axis=1) - self._negligible)
+        counted = np.where(self.excluded[self._which], -np.inf, h)
+        least: Array = np.minimum(0.0, counted.max(axis=1) - self._negligible)
         return least
 
     def _complete(self, positions: Array, h: Array) -> bool:

@@ -86,7 +86,7 @@ def test_a_row_has_the_bits_of_its_run(pool):
             phalanx.load("unicycles", overrides, seed=row["seed"]), engine="in-process"
         )
         assert row["trajectory"] == run.summary.trajectory
-        assert row["worst_h"] == run.summary.worst_h_tot
+        assert row["worst_h"] == run.summary.worst_h
         (swarm,) = run.metrics.filter(run.metrics["agent"] == "swarm").to_dicts()
         assert all(row[name] == swarm[name] for name in phalanx.metrics.METRICS)
 

@@ -733,7 +733,7 @@ def test_a_turned_agents_pairs_are_not_counted_and_the_command_says_so(tmp_path,
     turn = CommandPolicy(schedule=(Command(0.1, CommandKind.TURN, "1"),))
     given = scenario(SINGLE, [[0.0, 0.0]], obstacles=NEAR, duration=2.0)
     done = run(given, engine="in-process", out=tmp_path, commands=turn)
-    assert [violation.pair for violation in done.summary.apart] == ["1-obstacle 0"]
+    assert [violation.pair for violation in done.summary.excluded] == ["1-obstacle 0"]
     assert status(["certify", str(done.folder)]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "pairs of agent 1 with no normal agent, from t = 0.1" in printed

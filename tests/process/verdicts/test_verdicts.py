@@ -40,7 +40,7 @@ def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds(
     assert "non-empty K_i" not in failed(printed)
     corrected = run("disturbance-gap", "duration=9.0", "safety.margin=corrected")
     assert corrected.outcome is Outcome.GUARANTEED
-    assert corrected.worst_h_tot < -3.0
+    assert corrected.largest_h_tot < -3.0
 
 
 @pytest.mark.parametrize("duration", [3.0, pytest.param(12.0, marks=pytest.mark.nightly)])
@@ -160,7 +160,7 @@ def certified(run: phalanx.Run, turned: dict[str, float]) -> Certification:
 
 def test_what_a_turned_agent_does_to_itself_is_named_and_not_counted():
     run = turned(0.1, obstacle=[0.0, 2.0], adversary=[0.5, 2.5], victim=6.0)
-    apart = [violation.pair for violation in run.summary.apart]
+    apart = [violation.pair for violation in run.summary.excluded]
     assert sorted(apart) == ["1-3", "1-obstacle 0"]
     assert run.summary.violations == []
     assert run.verdict is Outcome.GUARANTEED
@@ -188,7 +188,7 @@ def test_before_its_turn_the_same_counts():
 def test_what_a_turned_agent_does_to_a_normal_one_counts():
     run = turned(0.1, obstacle=[0.0, -8.0], adversary=[0.0, -9.0])
     assert [violation.pair for violation in run.summary.violations] == ["1-2"]
-    assert run.summary.apart == []
+    assert run.summary.excluded == []
     found = certified(run, {"1": 0.1})
     assert found.gap.pair == "1-2"
     assert found.gap.t < run.summary.violations[0].first

@@ -340,7 +340,7 @@ def test_text_of_a_recording_is_text_on_the_page(
                 outcome=Outcome.VIOLATED,
                 reason=f"reason {spoken}",
                 assumptions=[Assumption(f"name {spoken}", 1, 2, 0.0, f"note {spoken}")],
-                violations=[Violation(f"pair {spoken}", 0.0, 0.25, 0.3, 0.15)],
+                violations=[Violation(f"pair {spoken}", 0.0, 0.25, 0.3, 0.15, 1, 0.0, None)],
             )
         )
     with viewer(str(tmp_path)) as page:

@@ -63,6 +63,6 @@ def test_a_pair_that_is_under_a_certificate_throughout_has_what_is_left_of_it():
 def test_pairs_without_a_normal_agent_do_not_count():
     turned = {"agents": ["1"], "kind": "turn", "at": 0.0}
     found = evaluate(one_on_one([0.0, -1.1], faults=[turned]))
-    assert found.summary.apart
+    assert found.summary.excluded
     assert found.pairs == {}
     assert found.summary.outcome != "violated"

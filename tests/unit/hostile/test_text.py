@@ -37,7 +37,7 @@ def recorded(folder: Path, scenario: Scenario, *, outcome: Outcome = Outcome.VIO
         origins={HOSTILE: 1},
         assumptions=[Assumption(HOSTILE, 1, 2, 0.1, HOSTILE)],
         theorem=[Assumption(f"{HOSTILE} ", 1, 2, 0.1, HOSTILE)],
-        violations=[Violation(HOSTILE, 0.2, 0.25, 0.3, 0.15)],
+        violations=[Violation(HOSTILE, 0.2, 0.25, 0.3, 0.15, 1, 0.2, 0.35)],
         rejected={HOSTILE: 7},
         faults=[FaultCount(HOSTILE, 0)],
     )

@@ -19,7 +19,7 @@ def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
     assert all(line.startswith("- ") for line in words)
     shown = repr(summary_of(scenario, "too\x1b[2J close"))
     assert shown == (
-        r"Summary(violated after 20 s: 'too\x1b[2J close', worst h_tot 0.25 at t = 0.300 s)"
+        r"Summary(violated after 20 s: 'too\x1b[2J close', worst h 0.25 of 1-4 at t = 0.300 s)"
     )
 
 
@@ -34,7 +34,7 @@ def test_a_notebook_shows_them_as_tables_with_every_text_escaped() -> None:
     assert report._repr_html_().startswith(f"<p><b>{report.answer}</b></p><ul><li>")
     summary = summary_of(scenario, "too <i>close")._repr_html_()
     assert "too &lt;i&gt;close" in summary
-    assert "0.25 at t = 0.300 s" in summary
+    assert "0.25 of 1-4 at t = 0.300 s" in summary
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from phalanx_plant.world.evaluation import EvaluatedSteps
-from phalanx_plant.world.extremes import PairExtremes
+from phalanx_plant.world.extremes import Crossing, PairExtremes
 
 from phalanx.theory.safety.composition import ComposedSet
 from tests.unit.swarms import swarm_of_scenario
@@ -13,15 +13,21 @@ def pairs() -> ComposedSet:
     return swarm_of_scenario("unicycles").safe_set
 
 
-def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> tuple[float, set[int]]:
-    """Show a history: the pairs' h by label ("1-2" as p1_2), all others -50; take its results."""
+def seen(
+    truth: PairExtremes, times: list[float], **h: list[float]
+) -> tuple[float, list[tuple[float, str, bool]]]:
+    """Show a history: the pairs' h by label ("1-2" as p1_2), all others -50.
+
+    Returns the largest h_tot, and the pairs that left or came back.
+    """
     table = np.full((len(times), len(labels())), -50.0)
     for name, values in h.items():
         table[:, labels().index(name[1:].replace("_", "-"))] = values
     zeros, all_pairs = np.zeros(len(times), dtype=np.intp), np.arange(len(labels()))
     h_tot, none = table.max(axis=1) + 0.01, np.zeros(0)
     truth.add(EvaluatedSteps(zeros, np.array(times), all_pairs, table, h_tot, none, zeros == 0))
-    return truth.take(0)
+    (peak, _), crossings = truth.take(0)
+    return peak, [(t, truth.label(pair), unsafe) for t, pair, unsafe in crossings]
 
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
@@ -32,29 +38,79 @@ def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
     deeper, shallower = truth.violations()
     assert (deeper.pair, shallower.pair) == ("1-2", "3-5")
     assert (deeper.first, deeper.worst, deeper.worst_at) == (0.3, 2.0, 0.4)
-    assert deeper.duration == pytest.approx(0.1 + 0.1 + 0.1)
+    assert deeper.duration == pytest.approx(0.6 - 0.3)
     assert (shallower.first, shallower.worst, shallower.worst_at) == (0.6, 0.5, 0.7)
-    assert shallower.duration == pytest.approx(0.2 + 0.1)
-    assert truth.worst_pair == "1-2"
-    assert truth.worst_h_tot == pytest.approx(2.01)
-    assert truth.worst_at == 0.4
+    assert shallower.duration == pytest.approx(0.8 - 0.6)
+    assert (truth.worst_h, truth.worst_at, truth.worst_pair) == (2.0, 0.4, "1-2")
+    assert truth.largest_h_tot == pytest.approx(2.01)
+
+
+def test_each_excursion_of_a_pair_has_its_own_begin_and_end():
+    truth = PairExtremes(pairs())
+    crossings = []
+    for times, h in (
+        ([0.1, 0.2, 0.3, 0.4], [0.5, -0.1, -0.1, 0.2]),
+        ([0.5, 0.6], [-1.0, -1.0]),
+        ([0.7, 0.8], [-1.0, 0.1]),
+    ):
+        crossings += seen(truth, times, p1_2=h)[1]
+    assert crossings == [
+        (t, "1-2", unsafe)
+        for t, unsafe in ((0.1, True), (0.2, False), (0.4, True), (0.5, False), (0.8, True))
+    ]
+    (violation,) = truth.violations()
+    assert (violation.count, violation.first, violation.begin, violation.end) == (3, 0.1, 0.8, None)
+    seen(truth, [0.9], p1_2=[0.05])
+    (violation,) = truth.violations()
+    assert violation.duration == pytest.approx(0.1 + 0.1 + 0.1), "it lasts until now"
+    assert violation.times == "0.300 s from t = 0.100 s on, in 3 excursions"
+    seen(truth, [1.0], p1_2=[-0.1])
+    (violation,) = truth.violations()
+    assert (violation.end, violation.times[-27:]) == (1.0, "to 1.000 s, in 3 excursions")
+
+
+def test_the_worst_h_is_of_the_worst_pair_and_not_where_h_tot_is_largest():
+    """Many pairs that are nearly unsafe make a larger h_tot than one that is."""
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1], p1_2=[0.3])
+    (steps,) = [np.full((1, len(labels())), -0.001)]
+    zero = np.zeros(1, dtype=np.intp)
+    every, h_tot = np.arange(len(labels())), np.array([0.9])
+    truth.add(EvaluatedSteps(zero, np.array([0.2]), every, steps, h_tot, np.zeros(0), zero == 0))
+    truth.take(0)
+    assert (truth.worst_h, truth.worst_at, truth.worst_pair) == (0.3, 0.1, "1-2")
+    assert (truth.largest_h_tot, truth.largest_h_tot_at) == (0.9, 0.2)
+    assert truth.now == (0.9, -0.001)
+
+
+def test_a_history_counts_once_it_is_taken_and_not_when_it_is_evaluated():
+    """Events are judged one by one, long after the states of many were evaluated together."""
+    truth, none = PairExtremes(pairs()), np.zeros(0)
+    numbers, every = np.array([0, 0, 1]), np.arange(len(labels()))
+    table = np.full((3, len(labels())), -1.0)
+    table[2, 0] = 0.5
+    times, h_tot, resolved = np.array([0.1, 0.2, 0.3]), table.max(axis=1), numbers >= 0
+    truth.add(EvaluatedSteps(numbers, times, every, table, h_tot, none, resolved))
+    assert truth.take(0) == ((-1.0, -1.0), [])
+    assert (truth.worst_h, truth.violations()) == (-1.0, [])
+    assert truth.take(1) == ((0.5, 0.5), [(0.3, 0, True)])
+    assert (truth.worst_h, truth.largest) == (0.5, 0)
 
 
 def test_h_at_exactly_zero_is_safe():
     truth = PairExtremes(pairs())
-    _, outside = seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
+    _, crossings = seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
     assert truth.violations() == []
-    assert outside == set()
+    assert crossings == []
 
 
 def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
     truth = PairExtremes(pairs())
-    departures = []
+    crossings = []
     for t, h in ((0.1, -0.005), (0.2, 0.1), (0.3, -1.0)):
-        _, outside = seen(truth, [t], p1_2=[h])
-        departures.append(bool(outside))
-    assert truth.worst_h_tot > 0.0
-    assert departures == [False, True, False]
+        crossings += seen(truth, [t], p1_2=[h])[1]
+    assert truth.largest_h_tot > 0.0
+    assert crossings == [(0.2, "1-2", True), (0.3, "1-2", False)]
 
 
 def test_an_h_that_is_not_a_number_is_not_safe():
@@ -73,7 +129,7 @@ def test_the_peak_is_that_of_a_history_and_of_the_value_before_it():
     ):
         peak, _ = seen(truth, times, p1_2=h)
         assert peak == pytest.approx(highest)
-    assert truth.worst_h_tot == pytest.approx(-0.99)
+    assert truth.largest_h_tot == pytest.approx(-0.99)
 
 
 def test_the_worst_pair_is_that_of_all_steps_and_the_largest_that_of_the_last():
@@ -93,18 +149,21 @@ def test_what_is_unsafe_at_the_start_is_so_from_zero_on():
     assert (violation.first, violation.duration) == (0.0, 0.1)
 
 
-def test_what_a_pair_does_once_it_is_set_apart_is_counted_apart():
+def test_what_a_pair_does_once_it_is_excluded_is_not_counted():
     truth = PairExtremes(pairs())
     seen(truth, [0.1], p1_2=[0.5])
-    truth.set_apart(np.array([0]))
-    _, outside = seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
-    (apart,) = truth.apart()
-    assert (apart.pair, apart.first, apart.worst, apart.worst_at) == ("1-2", 0.2, 2.0, 0.2)
-    found = [(each.pair, each.first, each.worst) for each in truth.violations()]
-    assert found == [("1-2", 0.1, 0.5), ("3-5", 0.2, 0.25)]
-    assert outside == {0, labels().index("3-5")}
-    assert truth.left(0).startswith("1-2 left the safe set, set apart")
-    assert truth.left(labels().index("3-5")) == "3-5 left the safe set"
+    assert truth.excluded() is None
+    truth.exclude(np.array([0]), 0.15)
+    _, crossings = seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
+    (excluded,) = truth.excluded()
+    assert (excluded.pair, excluded.first, excluded.worst) == ("1-2", 0.2, 2.0)
+    found = [(each.pair, each.first, each.end, each.worst) for each in truth.violations()]
+    assert found == [("1-2", 0.1, 0.15, 0.5), ("3-5", 0.2, None, 0.25)]
+    assert crossings == [(0.2, "1-2", True), (0.2, "3-5", True)]
+    assert truth.in_words(Crossing(0.2, 0, True)).startswith("1-2 left the safe set, not counted")
+    three_five = labels().index("3-5")
+    assert truth.in_words(Crossing(0.2, three_five, True)) == "3-5 left the safe set"
+    assert (truth.worst_h, truth.worst_pair, truth.largest) == (0.5, "1-2", three_five)
 
 
 def labels() -> list[str]:

@@ -336,4 +336,4 @@ def test_the_page_has_the_example_that_was_compared():
 def test_without_a_filter_two_agents_that_head_for_each_other_collide():
     with_filter = phalanx.run("one-on-one", engine="in-process")
     without = run("none", duration=with_filter.scenario.duration)
-    assert without.summary.worst_h_tot > with_filter.summary.worst_h_tot
+    assert without.summary.worst_h > with_filter.summary.worst_h

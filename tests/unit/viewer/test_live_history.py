@@ -21,7 +21,7 @@ MODEL = scene_model(load("unicycles", []))
 def frame(t: float, *events: LinkEvent) -> Frame:
     """One at the start's state, with link events."""
     return Frame(
-        t=t, x=MODEL.swarm.start().tobytes(), h_tot=-1.0, worst_h=-1.0, pair=0,
+        t=t, x=MODEL.swarm.start().tobytes(), h_tot=-1.0, h=-1.0, worst_h=-1.0, pair=0, turned=(),
         agents=(AgentStatus(),) * 5, link_events=events, steps=0, real_time_factor=1.0,
         assumptions=(), violations=(), log=(), paused=False, speed=1.0, loss=None, delay=None,
     )  # fmt: skip
@@ -43,7 +43,9 @@ def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others()
     past = LiveHistory(MODEL)
     received = [[("1-2", 0.5), ("1-3", 0.1)], [("1-2", 0.7)], []]
     for k, violations in enumerate(received):
-        each = tuple(Violation(pair, 0.0, worst, 0.0, 0.1) for pair, worst in violations)
+        each = tuple(
+            Violation(pair, 0.0, worst, 0.0, 0.1, 1, 0.0, 0.1) for pair, worst in violations
+        )
         past.add(msgspec.structs.replace(frame(0.1 * k), violations=each))
     assert {v.pair: v.worst for v in past.violations.values()} == {"1-2": 0.7, "1-3": 0.1}
 

@@ -1,6 +1,7 @@
 """Pairs that left the safe set stand out in the picture, and no others."""
 
 import numpy as np
+from msgspec.structs import replace
 from phalanx_viewer.scene.model import SceneModel, scene_model
 from phalanx_viewer.scene.picture import Picture, past_lines, unsafe_lines
 from phalanx_viewer.scene.texts import banner
@@ -12,15 +13,16 @@ from phalanx.wire.messages import AgentStatus, Frame
 MODEL: SceneModel = scene_model(load("surrounded", []))
 
 
-def shown(*second: float) -> Picture:
+def shown(*second: float, turned: tuple[int, ...] = ()) -> Picture:
     """The picture with agent 2 at a point, and the others at the start."""
     x = MODEL.swarm.start().copy()
     x[2:4] = second
-    h = MODEL.values.worst_pair(x)
+    h = MODEL.values.worst_pair(x, turned)
     frame = Frame(
-        t=0.0, x=x.tobytes(), h_tot=MODEL.values.h(h, x), worst_h=0.0, pair=h,
-        agents=(AgentStatus(),) * 5, link_events=(), steps=0, real_time_factor=0.0,
-        assumptions=(), violations=(), log=(), paused=True, speed=0.0, loss=None, delay=None,
+        t=0.0, x=x.tobytes(), h_tot=max(MODEL.values.every_h(x)), h=0.0, worst_h=0.0,
+        pair=h, turned=turned, agents=(AgentStatus(),) * 5, link_events=(), steps=0,
+        real_time_factor=0.0, assumptions=(), violations=(), log=(), paused=True, speed=0.0,
+        loss=None, delay=None,
     )  # fmt: skip
     return Picture(MODEL, frame)
 
@@ -49,7 +51,7 @@ def test_of_several_pairs_the_one_with_the_largest_h_comes_first() -> None:
 def test_the_banner_names_the_pair_its_h_and_since_when() -> None:
     x = MODEL.swarm.start().copy()
     x[2:4] = (0.5, 0.0)
-    known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
+    known = Violation("1-2", 0.25, 2.0, 3.0, duration=1.0, count=2, begin=1.25, end=None)
     p = MODEL.kinematics.poses(x).positions
     unsafe = MODEL.values.unsafe(x).tolist()
     (line,) = unsafe_lines(MODEL, unsafe, (known,), x, p)
@@ -59,12 +61,21 @@ def test_the_banner_names_the_pair_its_h_and_since_when() -> None:
 
 
 def test_the_banner_keeps_past_violations_but_shows_none_before_they_happen() -> None:
-    known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
+    known = Violation("1-2", 1.25, 2.0, 3.0, duration=0.5, count=1, begin=1.25, end=1.75)
     assert past_lines(MODEL, [], (known,), 1.0) == []
-    assert past_lines(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s on"]
-    (line,) = past_lines(MODEL, [], (known,), 4.0)
-    assert line.endswith("on, up to h = 2")
+    assert past_lines(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s to 1.750 s"]
+    again = replace(known, count=3, begin=2.5, end=3.5)
+    (line,) = past_lines(MODEL, [], (again,), 4.0)
+    assert line == "1-2 was unsafe 3 times, last from t = 2.500 s to 3.500 s, up to h = 2"
     assert "phalanx-past" in banner([], [line])
+
+
+def test_a_pair_without_a_normal_agent_sounds_no_alarm() -> None:
+    found = shown(0.5, 0.0, turned=(0,))
+    assert (found.unsafe, found.unsafe_lines) == ([], [])
+    assert not found.unsafe_agents.any()
+    assert found.past_lines == ["1-2: 0.50 m, h = 0.75, not counted: no normal agent is left in it"]
+    assert shown(0.5, 0.0, turned=(1,)).unsafe_lines, "agent 1 is normal"
 
 
 def test_a_safe_run_has_no_banner_and_a_name_is_no_markup_in_it() -> None:

@@ -75,12 +75,20 @@ class Content:
             )  # fmt: skip
 
     def violated(self) -> Iterator[tuple[dict[str, tuple[Array, Array]], list[str]]]:
-        """Ends [m] of each pair with h > 0, by its name, and pairs that are over, at each state."""
+        """Ends [m] of each pair with h > 0, by its name, and pairs that are over, at each state.
+
+        Pairs without a normal agent are left out.
+        """
         before: list[str] = []
-        for h, poses in zip(self.h, self.poses, strict=True):
+        unsafe, turns = ~(self.h <= 0.0), self.recording.turns
+        for t in turns.values():
+            turned = [i for i, at in turns.items() if at <= t]
+            excluded = self.model.swarm.without_normal(turned)
+            unsafe[self.recording.times >= t] &= ~excluded[self.pairs]
+        for outside, poses in zip(unsafe, self.poses, strict=True):
             now = {
                 self.labels[k]: self.model.ends(self.pairs[k], poses.positions)
-                for k in np.flatnonzero(~(h <= 0.0))
+                for k in np.flatnonzero(outside)
             }
             yield now, sorted(set(before) - now.keys())
             before = list(now)

@@ -5,15 +5,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from phalanx.arrays import Array
 from phalanx.curves.history import AgentSeries, RecordedHistory
 from phalanx.faults.commands import Condition, FaultState
-from phalanx.guarantee.verdict import Assumption
+from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
-from phalanx.recording.records import Step
+from phalanx.recording.records import Level, Step
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.wire.step_report import AppliedStep
@@ -44,7 +44,8 @@ class Replay:
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
         self._commands = recording.commands
-        self._worst = np.maximum.accumulate(self.history.h_tot)
+        self._worst = np.maximum.accumulate(self.history.h)
+        self._crossings = [line for line in recording.log if line.pair]
         self._agents = [
             _AgentSteps(steps, self.history.agent(i), self.model.names)
             for i, steps in enumerate(steps_by_agent(recording).values())
@@ -73,7 +74,7 @@ class Replay:
 
     @property
     def worst_at(self) -> float:
-        """Time at which h_tot was largest [s]."""
+        """Time at which the h of a pair with a normal agent was largest [s]."""
         return float(self.times[self.history.worst])
 
     def index_at(self, t: float) -> int:
@@ -91,8 +92,10 @@ class Replay:
             t=float(self.times[index]),
             x=x.tobytes(),
             h_tot=float(self.history.h_tot[index]),
+            h=float(self.history.h[index]),
             worst_h=float(self._worst[index]),
-            pair=self.model.values.worst_pair(x),
+            pair=self.model.values.worst_pair(x, faults.turned),
+            turned=tuple(sorted(faults.turned)),
             agents=tuple(
                 a.status(t, faults.condition[i], int(np.searchsorted(lies, t, side="right")))
                 for i, (a, lies) in enumerate(zip(self._agents, self._lies, strict=True))
@@ -101,13 +104,22 @@ class Replay:
             steps=int(np.searchsorted(self._applied, t, side="right")),
             real_time_factor=0.0,
             assumptions=self._failed(t),
-            violations=tuple(v for v in self.violations if v.first <= t),
+            violations=tuple(self._until(t, v) for v in self.violations if v.first <= t),
             log=tuple(line for line in self.log if line.t <= t),
             paused=True,
             speed=0.0,
             loss=faults.loss,
             delay=faults.delay,
         )
+
+    def _until(self, t: float, violation: Violation) -> Violation:
+        """A pair's excursions up to t [s]; their depth and duration are only known at the end."""
+        known = [line for line in self._crossings if line.pair == violation.pair and line.t <= t]
+        begins = [line.t for line in known if line.level is Level.ERROR]
+        begins = [begin for begin in begins if begin <= violation.begin] or [violation.first]
+        ends = [line.t for line in known if line.level is Level.INFO] + [violation.end or np.inf]
+        end = min((end for end in ends if begins[-1] < end <= t), default=None)
+        return replace(violation, count=len(begins), begin=begins[-1], end=end)
 
     def recent_paths(self, t: float) -> Array:
         """Positions up to t [s], shape (s, N, 3), the oldest first."""
@@ -154,7 +166,7 @@ class Replay:
         if shown == self._taken:
             return None
         self._taken = shown
-        return msgspec.structs.replace(
+        return replace(
             self.frame(t),
             paused=not playing,
             speed=speed,

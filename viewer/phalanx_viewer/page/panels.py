@@ -103,7 +103,8 @@ def _status(frame: Frame, duration: float, over: bool) -> Markup:
     return markup(
         _STYLE,
         _text(clock, f" of {duration:g} s · {'the run is over' if over else pace}"),
-        _text(f"h_tot {frame.h_tot:.3f}, worst {frame.worst_h:.3f} · {frame.steps} steps, {empty}"),
+        _text(f"worst h so far {frame.worst_h:.3f}, h_tot {frame.h_tot:.3f}"),
+        _text(f"{frame.steps} steps, {empty}"),
         *([_text(f"network by command: {', '.join(commanded)}")] if commanded else []),
     )
 
@@ -123,6 +124,7 @@ def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Mark
         parts.append(_text(element("b", "no verdict"), f": {unfinished}"))
     elif summary is not None:
         parts.append(_text(element("b", summary.outcome), f": {summary.reason}"))
+        parts.append(_text(summary.on_theorem))
         if frame.t < summary.t - _SAME_TIME:
             parts.append(_interim_outcome(frame, "until now"))
     else:
@@ -141,7 +143,7 @@ def _interim_outcome(frame: Frame, when: str) -> Markup:
     found, more = interim_outcome(frame), ""
     if found == Outcome.VIOLATED:
         worst = frame.violations[0]
-        more = f": {worst.pair} since t = {worst.first:.3f} s"
+        more = f": {worst.pair} from t = {worst.first:.3f} s on"
     elif found == Outcome.SAFE:
         more = ", not guaranteed"
     return _text(element("b", f"{found} {when}"), more)

@@ -84,7 +84,7 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
     if len(rows):
         row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
         titles = [_H_TOT, _DISTANCE, *map(_PSI.format, model.values.psi_levels)]
-        found |= dict(zip(titles, row[1:].tolist(), strict=True))
+        found |= dict(zip(titles, np.delete(row, [0, 2]).tolist(), strict=True))
     if status.step is None:
         return found
     horizon = model.swarm.horizon(chosen)
@@ -130,9 +130,9 @@ class _Plots:
         return [
             Plot(_H_TOT, unit_of_psi(scenario), bold(1), _UNSAFE_ABOVE_0),
             Plot(_WORST_PAIRS, unit_of_psi(scenario), pairs, _UNSAFE_ABOVE_0),
-            Plot(_DISTANCE, "m", bold(2, lowest=True), (2.0 * radius if radius else None, None)),
+            Plot(_DISTANCE, "m", bold(3, lowest=True), (2.0 * radius if radius else None, None)),
             *(
-                Plot(_PSI.format(k), unit_of_psi(scenario, k), bold(2 + k), _UNSAFE_ABOVE_0)
+                Plot(_PSI.format(k), unit_of_psi(scenario, k), bold(3 + k), _UNSAFE_ABOVE_0)
                 for k in model.values.psi_levels
             ),
         ]
@@ -190,7 +190,7 @@ class _Plots:
     def _zoom(self, steps: Sequence[AgentSeries]) -> Zoom:
         """Plot the worst moment; with many agents, the chosen one's broadcasts alone."""
         only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
-        worst = float(rows[np.argmax(rows[:, 1]), 0])
+        worst = float(rows[np.argmax(rows[:, 2]), 0])
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
         sent = self._past.broadcasts
         seen = [
@@ -242,8 +242,8 @@ def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
     rows, names = feed.history.totals, feed.model.names
     if not len(rows):
         return []
-    worst = rows[int(np.argmax(rows[:, 1]))]
-    found = [Mark(float(worst[0]), f"worst moment, h_tot = {worst[1]:.4g}", "worst")]
+    worst = rows[int(np.argmax(rows[:, 2]))]
+    found = [Mark(float(worst[0]), f"worst moment, h = {worst[2]:.4g}", "worst")]
     backups = [s.t[s.empty == EMPTY_CODES[Origin.BACKUP]] for s in steps]
     if first := [float(t[0]) for t in backups if len(t)]:
         found.append(Mark(min(first), "first backup", "backup"))

@@ -144,7 +144,7 @@ def diagnostics(frame: Frame, model: SceneModel, head: Head) -> Diagnostics:
     figures: dict[str, object] = {
         "t [s]": frame.t,
         "h_tot": frame.h_tot,
-        "worst h_tot": frame.worst_h,
+        "worst h": frame.worst_h,
         "worst pair": model.label(frame.pair),
         "steps": frame.steps,
     }

@@ -78,7 +78,7 @@ class Republisher:
             if publisher.has_subscriber:
                 publisher.put(serialized(message))
         if self._markers.has_subscriber:
-            unsafe = model.values.unsafe(x).tolist()
+            unsafe = model.values.unsafe(x, frame.turned).tolist()
             moving = messages.agents(frame.t, model, poses, frame.agents, unsafe)
             violated = messages.violations(frame.t, model, poses.positions, unsafe)
             static = messages.static_markers(frame.t, model) if again else ()

@@ -48,19 +48,28 @@ class Picture:
         self.liars = np.array([status.lies > 0 for status in agents])
         """True for agents that sent false broadcasts, shape (N,)."""
         self.pair = frame.pair
-        """The pair whose h is largest."""
+        """The pair with a normal agent whose h is largest."""
         self.worst_pair = model.ends(frame.pair, p)
         """Its ends, shapes (3,)."""
         self.worst_pair_text = f"{model.label(frame.pair)}: {model.pair_text(frame.pair, x, p)}"
         # h_tot is never below the largest h.
-        self.unsafe = [] if frame.h_tot <= 0.0 else model.values.unsafe(x).tolist()
-        """The pairs with h > 0, the largest h first."""
+        unsafe, values = frame.h_tot > 0.0, model.values
+        self.unsafe = values.unsafe(x, frame.turned).tolist() if unsafe else []
+        """The pairs with a normal agent and h > 0, the largest h first."""
         self.unsafe_ends = np.array([model.ends(k, p) for k in self.unsafe]).reshape(-1, 2, 3)
         """Positions of their sides, shape (v, 2, 3)."""
         self.unsafe_agents = np.isin(np.arange(len(p)), list(model.agents_of(self.unsafe)))
         """True for agents in one of them, shape (N,)."""
         self.unsafe_lines = unsafe_lines(model, self.unsafe, frame.violations, x, p)
         self.past_lines = past_lines(model, self.unsafe, frame.violations, frame.t)
+        """Of pairs that were unsafe, or have no normal agent."""
+        excluded = values.unsafe(x).tolist() if unsafe and frame.turned else []
+        self.past_lines += [
+            f"{model.label(pair)}: {model.pair_text(pair, x, p)}, not counted: no normal agent is "
+            "left in it"
+            for pair in excluded
+            if pair not in self.unsafe
+        ]
         sides = [(event.sender, event.receiver) for event in frame.link_events]
         self.link_agents = np.array(sides, dtype=np.intp).reshape(-1, 2)
         """Senders and receivers of links that lost or delayed a broadcast, shape (l, 2)."""
@@ -92,7 +101,7 @@ def unsafe_lines(
 
     x: the state, shape (n̄,). p: output points, shape (N, 3).
     """
-    since = {v.pair: f", since t = {v.first:.3f} s" for v in violations}
+    since = {v.pair: f", since t = {v.begin:.3f} s" for v in violations if v.end is None}
     texts = {model.label(pair): model.pair_text(pair, x, p) for pair in unsafe}
     return [
         f"{label} unsafe: {text} where 0 is allowed{since.get(label, '')}"
@@ -106,10 +115,11 @@ def past_lines(
     """A line of text for each pair that was unsafe before t [s], and is not any more."""
     now = {model.label(pair) for pair in unsafe}
     return [
-        f"{v.pair} was unsafe from t = {v.first:.3f} s on"
+        f"{v.pair} was unsafe {f'{v.count} times, last ' if v.count > 1 else ''}"
+        f"from t = {v.begin:.3f} s to {v.end:.3f} s"
         + (f", up to h = {v.worst:.3g}" if v.worst_at <= t else "")
         for v in violations
-        if v.pair not in now and v.first <= t
+        if v.pair not in now and v.end is not None and v.end <= t
     ]
 
 
