@@ -1,0 +1,160 @@
+"""Summary, page, picture and report name one worst moment: the largest h of a pair that counts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from phalanx_viewer.export.mcap import Content
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.plots.plots import content
+from phalanx_viewer.scene.picture import Picture
+
+import phalanx
+from phalanx.cli.display import last_line
+from phalanx.report import safety
+from phalanx.report.page import key_figures
+
+SPEED, AWAY = 2.0, 1.1
+END = 1.2
+
+
+def agent(name: str, role: str, start: list[float], **law: object) -> dict:
+    return {
+        "names": [name],
+        "role": role,
+        "dynamics": {"type": "single-integrator", "speed": SPEED if role == "adversary" else 1e-3},
+        "law": law,
+        "clock": {"period": 0.01},
+        "start": [start],
+    }
+
+
+def script(*inputs: tuple[float, list[float]]) -> dict[str, object]:
+    return {"type": "script", "at": [t for t, _ in inputs], "inputs": [u for _, u in inputs]}
+
+
+def scenario(**changes: object) -> dict:
+    """Five adversaries leave agent 1's surroundings; a sixth passes it, twice, some time later."""
+    around = [(np.cos(a), np.sin(a)) for a in np.linspace(0.6, 5.7, 5)]
+    leaving = [
+        agent(f"away-{k}", "adversary", [AWAY * x, AWAY * y], **script((0.0, [x, y])))
+        for k, (x, y) in enumerate(around)
+    ]
+    passing = (0.0, -2.0), (0.5, 2.0), (0.65, -2.0), (0.9, 2.0)
+    return {
+        "name": "passed",
+        "duration": END,
+        "safety": {
+            "function": {"type": "separation", "radius": 1.0},
+            "rho": 0.5,
+            "alpha": [1.0],
+            "eta": 0.0,
+        },
+        "agents": [
+            agent("1", "normal", [0.0, 0.0], type="track-velocity"),
+            *leaving,
+            agent(
+                "hunter", "adversary", [1.8, 0.0], **script(*((t, [v, 0.0]) for t, v in passing))
+            ),
+        ],
+        **changes,
+    }
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> phalanx.Run:
+    loaded = phalanx.load(scenario())
+    return phalanx.run(loaded, engine="in-process", out=tmp_path_factory.mktemp("runs"))
+
+
+@pytest.mark.slow
+def test_the_worst_moment_and_pair_are_the_same_everywhere(run: phalanx.Run) -> None:
+    summary = run.summary
+    assert summary is not None
+    assert summary.largest_h_tot_at < 0.1 < 0.5 < summary.worst_at
+    assert summary.largest_h_tot > summary.worst_h > 0.0
+    assert summary.worst_pair == "1-hunter"
+    replay = Replay(run.recording)
+    assert replay.worst_at == pytest.approx(summary.worst_at, abs=0.011)
+    frame = replay.frame(replay.worst_at)
+    assert replay.model.label(frame.pair) == summary.worst_pair
+    assert frame.worst_h == pytest.approx(summary.worst_h, abs=1e-9)
+    (unsafe,) = Picture(replay.model, frame).unsafe_lines
+    assert unsafe.startswith("1-hunter unsafe: ")
+    (worst,) = [m for m in content(replay, [0], seekable=True).marks if m.kind == "worst"]
+    assert (worst.t, worst.text) == (replay.worst_at, f"worst moment, h = {summary.worst_h:.4g}")
+    assert content(replay, [0], seekable=True).pair == frame.pair
+    figures = dict(key_figures(run.recording))
+    assert figures["Worst h"].startswith(f"{summary.worst_h:.6g} at t = {summary.worst_at:.3f} s")
+    assert figures["Largest h_tot"].startswith(f"{summary.largest_h_tot:.6g} at ")
+    history = run.recording
+    assert safety.worst(history) == (summary.worst_h, summary.worst_at)
+
+
+@pytest.mark.slow
+def test_a_recording_cut_short_has_its_worst_moment_from_its_states(run: phalanx.Run) -> None:
+    whole, cut = run.recording, phalanx.open(run.folder).recording
+    cut.summary = None
+    found = safety.worst(cut)
+    assert found is not None
+    assert found.h == max(state.h for state in whole.states)
+    assert found.t == Replay(cut).worst_at
+
+
+@pytest.mark.slow
+def test_the_recorded_h_is_that_of_all_integration_steps(run: phalanx.Run) -> None:
+    recording, h = run.recording, run.h.drop("run", "scenario", "seed", "t").to_numpy()
+    assert (recording.h >= h.max(axis=1) - 1e-12).all()
+    assert recording.h.max() == run.summary.worst_h
+    assert (recording.h <= recording.h_tot).all()
+
+
+@pytest.mark.slow
+def test_each_excursion_has_its_own_begin_and_end(run: phalanx.Run) -> None:
+    (violation,) = run.summary.violations
+    assert violation.count == 2
+    left = run.events.filter(run.events["text"].str.contains("left the safe set"))["t"].to_list()
+    back = run.events.filter(run.events["text"].str.contains("is safe again"))["t"].to_list()
+    assert (violation.first, violation.begin) == tuple(left)
+    assert violation.end == back[1]
+    assert violation.duration == pytest.approx(back[0] - left[0] + back[1] - left[1])
+    assert "left the safe set 2 times, first at t = " in last_line(run.summary)
+    replay, early = Replay(run.recording), f"since t = {left[0]:.3f} s"
+    for t, lines in (
+        (left[0] + 0.02, early),
+        (left[1] + 0.02, f"since t = {left[1]:.3f} s"),
+    ):
+        (line,) = Picture(replay.model, replay.frame(t)).unsafe_lines
+        assert line.endswith(lines)
+    between = Picture(replay.model, replay.frame((back[0] + left[1]) / 2.0))
+    (line,) = between.past_lines
+    assert line.startswith(f"1-hunter was unsafe from t = {left[0]:.3f} s to {back[0]:.3f} s")
+    (line,) = Picture(replay.model, replay.frame(END)).past_lines
+    assert line.startswith(f"1-hunter was unsafe 2 times, last from t = {left[1]:.3f} s to ")
+
+
+@pytest.mark.slow
+def test_pairs_without_a_normal_agent_are_neither_the_worst_nor_an_alarm(tmp_path: Path) -> None:
+    """The second passing is by two adversaries: agent 1 was hijacked in between."""
+    turn = phalanx.Command(0.65, phalanx.CommandKind.TURN, "1")
+    bystander = agent("2", "normal", [0.0, 9.0], type="track-velocity")
+    table = scenario()
+    table["agents"].append(bystander)
+    commands = phalanx.CommandPolicy((turn,))
+    run = phalanx.run(phalanx.load(table), engine="in-process", out=tmp_path, commands=commands)
+    (violation,), (excluded,) = run.summary.violations, run.summary.excluded
+    assert (violation.pair, violation.count, excluded.pair) == ("1-hunter", 1, "1-hunter")
+    assert violation.end < 0.65 < excluded.first
+    assert excluded.worst > run.summary.worst_h == violation.worst
+    replay = Replay(run.recording)
+    assert replay.worst_at < 0.65
+    late = replay.frame(excluded.worst_at)
+    shown = Picture(replay.model, late)
+    assert late.worst_h == pytest.approx(violation.worst)
+    assert "1-hunter" not in replay.model.label(late.pair)
+    assert (shown.unsafe_lines, shown.unsafe_ends.tolist()) == ([], [])
+    assert any("1-hunter: " in line and "not counted" in line for line in shown.past_lines)
+    drawn = list(Content(run.recording, replay.model).violated())
+    times = [t for t, (now, _) in zip(run.recording.times, drawn, strict=True) if now]
+    assert times
+    assert max(times) <= violation.end
