@@ -205,6 +205,8 @@ def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
         print_profile(finished)
     if report:
         _write_report(finished)
+    if summary.on_theorem:
+        echo(summary.on_theorem)
     echo(f"{last_line(summary)} ({finished.folder})")
     return summary.outcome
 

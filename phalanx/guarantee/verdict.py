@@ -274,10 +274,12 @@ class Summary(msgspec.Struct):
 
     @property
     def on_theorem(self) -> str:
-        """Sentence on the paper's theorem, on which no verdict rests."""
+        """Sentence on the paper's theorem, which a guarantee does not need; else empty."""
+        if self.outcome is not Outcome.GUARANTEED:
+            return ""
         if not (failed := [a for a in self.theorem if a.failed]):
             return "All assumptions of the paper's theorem held as well."
-        without = "Assumptions of the paper's theorem, on which the verdict does not rest, failed"
+        without = "Assumptions of the paper's theorem, which this does not rest on, failed"
         return f"{without}: {_counts(failed)}."
 
     @property

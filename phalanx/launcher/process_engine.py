@@ -22,7 +22,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import of_session
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Status
+from phalanx.wire.messages import SAYS, Status
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Malformed
 from phalanx.wire.session import HubError, open_client, reserved_endpoint
@@ -77,7 +77,8 @@ def _run(
         raise EngineError(
             failure or f"the plant ended without a verdict: see {folder / 'logs' / 'plant.log'}"
         )
-    if summary.outcome is Outcome.BROKEN and failure and summary.reason not in failure:
+    explained = SAYS in summary.reason or summary.reason in failure
+    if summary.outcome is Outcome.BROKEN and failure and not explained:
         summary.reason = f"{summary.reason} [{failure}]"
     return summary
 

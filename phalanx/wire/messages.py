@@ -21,6 +21,8 @@ MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 LONGEST_FAILURE = 2_000
 """Most characters of the reason why an agent failed."""
+SAYS = "failed; it says: "
+"""Comes before an agent's own words, quoted, in the reason of a verdict."""
 
 Note = tuple[Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)], float]
 

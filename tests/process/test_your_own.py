@@ -385,7 +385,8 @@ def broken_as(words: str, overrides: dict, engine: str) -> None:
     scenario = phalanx.load("calm.toml", {**overrides, "time.timeout": timeout})
     run = phalanx.run(scenario, engine=engine)
     assert run.verdict is Outcome.BROKEN
-    assert run.summary.reason.startswith(words)
+    quoting = r"(agent \w+ failed; it says: ['\"])?"
+    assert re.match(quoting + re.escape(words), run.summary.reason)
     assert run.recording.damage is None
     assert run.recording.summary.reason == run.summary.reason
 

@@ -10,9 +10,12 @@ from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Actuation, Sample, Telemetry
+from phalanx.wire.messages import SAYS, Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed, Sealer
 from phalanx_plant.world.world import Actuators
+
+_MOST_QUOTED = 500
+"""Characters of an agent's own words in the reason of a verdict."""
 
 
 class Answers:
@@ -134,6 +137,6 @@ class Answers:
 
 
 def _failure(name: str, failure: str) -> str:
-    """Format an agent's own error message for a terminal, with the agent's name."""
-    shown = "".join(c if c.isprintable() else " " for c in failure)
-    return shown if f"agent {name} " in shown else f"agent {name}: {shown}"
+    """Quote an agent's own words on its failure, which may be anything, with its name."""
+    more = " ..." if len(failure) > _MOST_QUOTED else ""
+    return f"agent {name} {SAYS}{failure[:_MOST_QUOTED]!r}{more}"

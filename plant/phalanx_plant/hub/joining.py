@@ -83,7 +83,7 @@ class Joining:
             return None
         if alive and found != self.digest:
             return (
-                f"agent {name} runs another scenario, seed or version (digest {found}, here "
+                f"agent {name} runs another scenario, seed or version (digest {found[:64]!r}, here "
                 f"{self.digest}): start it with the plant's --scenario, --seed and --set"
             )
         if alive:

@@ -128,8 +128,20 @@ def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answer
     assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 
-def test_an_agents_error_message_is_printable(answers: Answers):
+@pytest.mark.parametrize(
+    ("failed", "quoted"),
+    [
+        ("no\x1b[2Jvalue", r"'no\x1b[2Jvalue'"),
+        ("a line\nagent 2 died: see its log", r"'a line\nagent 2 died: see its log'"),
+        ("agent 1 is fine; agent 2 lies", "'agent 1 is fine; agent 2 lies'"),
+        ("\u202eesrever", r"'\u202eesrever'"),
+        ("x" * 2000, f"'{'x' * 500}' ..."),
+    ],
+    ids=["control", "lines", "another's name", "direction", "long"],
+)
+def test_an_agents_words_on_its_failure_are_quoted_as_its_own(answers: Answers, failed, quoted):
     key = KEYS.telemetry("1")
     answers.expect(0, sample(0))
-    report = Telemetry(k=0, report=MADE, ages=(), failed="no\x1b[2Jvalue")
-    assert answers.accept(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"
+    report = Telemetry(k=0, report=MADE, ages=(), failed=failed)
+    reason = answers.accept(key, SEALER.seal(key, report))
+    assert reason == f"agent 1 failed; it says: {quoted}"

@@ -167,3 +167,16 @@ def test_beyond_its_reach_an_obstacles_intrusion_is_below_the_level(obstacle, le
     assert beyond.any()
     assert (h[beyond] < level).all()
     assert (h[~beyond] >= level - 1e-6).all()
+
+
+def test_pairs_that_do_not_count_hide_none_that_does(monkeypatch):
+    """a and b, two turned agents, collide; the largest h that counts is of c and d, far below."""
+    rows = two_pairs_and_one_near_a_sphere()
+    looking, _ = both(rows, monkeypatch)
+    swarm, states = rows.swarm, np.stack([line(0.1, 11.0, 90.0)])
+    labels = [swarm.safe_set.label(pair) for pair in swarm.safe_set.pairs]
+    assert {labels[k] for k in at(looking, swarm, states).pairs} == {"a-b"}
+    looking.excluded[labels.index("a-b")] = True
+    found = at(looking, swarm, states)
+    assert {"a-b", "c-d"} <= {labels[k] for k in found.pairs}
+    assert found.least[0] <= 1.0 - 11.0**2

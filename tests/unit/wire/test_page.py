@@ -38,7 +38,18 @@ OF_FIELD = {
     "condition": "fine",
     "link_events": [[0, 1, 0.02]],
     "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],
-    "violations": [{"pair": "1-4", "first": 1.0, "worst": 0.1, "worst_at": 1.1, "duration": 0.2}],
+    "violations": [
+        {
+            "pair": "1-4",
+            "first": 1.0,
+            "worst": 0.1,
+            "worst_at": 1.1,
+            "duration": 0.2,
+            "count": 2,
+            "begin": 1.3,
+            "end": None,
+        }
+    ],
     "log": [[0.5, "agent 4 killed"]],
     "command": {"t": 0.0, "kind": "pause", "agent": "", "value": 0.0, "fault": -1},
 }

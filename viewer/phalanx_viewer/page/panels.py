@@ -124,7 +124,7 @@ def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Mark
         parts.append(_text(element("b", "no verdict"), f": {unfinished}"))
     elif summary is not None:
         parts.append(_text(element("b", summary.outcome), f": {summary.reason}"))
-        parts.append(_text(summary.on_theorem))
+        parts += [_text(summary.on_theorem)] if summary.on_theorem else []
         if frame.t < summary.t - _SAME_TIME:
             parts.append(_interim_outcome(frame, "until now"))
     else:
