@@ -32,6 +32,7 @@ class Requirement(NamedTuple):
 def requirements(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     """Return every requirement of a scenario's guarantee, in the order of the paper."""
     return [
+        Requirement("relative degree q", str(report.relative_degree), "any", "", True),
         *_start(scenario, report),
         _for_all_agents("agents certified at the start", report.certified.agents, ""),
         *_rows(scenario, report),
@@ -85,11 +86,10 @@ def _margins(scenario: Scenario, report: CheckReport) -> list[Requirement]:
         return [Requirement("margin η, at the start", found, "any bound", equation, True)]
     smallest, safety = min(given), scenario.safety
     found = _with_unit(smallest, unit)
-    formula = report.pair_formula if safety.pairwise else report.formula
-    if formula is None:
+    needed = report.eta_needed(safety)
+    if needed is None:
         rows = [Requirement("margin η, by the formula", found, _MISSING, equation, None)]
     else:
-        needed = formula.corrected if safety.counts_disturbance else formula.eta
         least = f"at least {_margin(needed, unit)}"
         rows = [Requirement("margin η, by the formula", found, least, equation, smallest >= needed)]
     if report.eta_local:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from decimal import ROUND_CEILING, Context
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
 
 commands = typer.Typer(no_args_is_help=True, help="Fits of a scenario's fields to recorded runs.")
-_DIGITS = 4
+_ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
 
 
 def register(app: typer.Typer) -> None:
@@ -47,8 +48,8 @@ def disturbance(
 
     For each interval in which an agent holds an input, this is the norm of the constant
     disturbance that explains its motion under the declared dynamics. The conformal bound holds for
-    the next interval if that is exchangeable with the recorded ones. Where there are too few
-    intervals for one, the largest stands in its place.
+    the next interval if that is exchangeable with the recorded ones. The bound for the scenario is
+    that one, or the largest norm if that is larger or there are too few intervals; rounded up.
 
     Examples:
 
@@ -78,12 +79,10 @@ class _Fit(NamedTuple):
 
     @property
     def bound(self) -> float:
-        """The bound to declare, rounded up."""
-        bound = self.conformal if math.isfinite(self.conformal) else self.largest
-        if not 0.0 < bound < math.inf:
-            return bound
-        unit = 10.0 ** (math.floor(math.log10(bound)) + 1 - _DIGITS)
-        return float(f"{math.ceil(bound / unit) * unit:.{_DIGITS}g}")
+        """The bound to declare, rounded up: no recorded interval needs a larger one."""
+        enough = math.isfinite(self.conformal)
+        bound = max(self.conformal, self.largest) if enough else self.largest
+        return float(_ROUNDED_UP.create_decimal_from_float(bound))
 
 
 def _fit(found: "AgentDisturbances", level: float) -> _Fit:
@@ -132,6 +131,7 @@ def _kind(group: "AgentGroup") -> tuple[object, ...]:
 
 def _show(group: "AgentGroup", found: "AgentDisturbances", fitted: _Fit, level: float) -> None:
     names = ", ".join(group.names[:4]) + (", ..." if len(group.names) > 4 else "")
+    fields = {**group.disturbance.model_dump(exclude_defaults=True), "bound": fitted.bound}
     few = f"; too few intervals for {level:g}" if math.isinf(fitted.conformal) else ""
     echo(
         f"# agents {names}: {len(found.t)} intervals; declared {group.disturbance.bound:g}",
@@ -139,7 +139,7 @@ def _show(group: "AgentGroup", found: "AgentDisturbances", fitted: _Fit, level: 
         f"next below {fitted.conformal:.4g} with probability {level:g}{few}",
         *_against("speed [m/s]", found.speed, found.size),
         *_against("input", found.input, found.size),
-        f"disturbance = {{ bound = {fitted.bound!r} }}",
+        f"disturbance = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in fields.items())} }}",
         "",
     )
 

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 from html import escape
 
 from phalanx.faults.lies import LieFault
+from phalanx.faults.process import AttackFault, HijackFault
 from phalanx.guarantee.formula import Formula
 from phalanx.guarantee.start import CertifiedStart, Promise
+from phalanx.scenario.safety import Safety
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.margins.integrated import STEEPEST, RowPart
 from phalanx.theory.safety.class_k import Linear
@@ -76,9 +78,19 @@ class CheckReport:
 
     @property
     def answer(self) -> str:
-        """Sentence on whether a run can end guaranteed."""
-        can = "can" if self.may_be_guaranteed else "cannot"
-        return f"a run {can} end guaranteed (relative degree q = {self.relative_degree})"
+        """What will happen in a run, as far as that is known."""
+        if self.may_be_guaranteed:
+            return "a run can end guaranteed: every pair is certified at the start"
+        if not self.certified.safe:
+            return "a run will end violated: a pair is unsafe at the start"
+        return "a run cannot end guaranteed: no certificate covers its start"
+
+    def eta_needed(self, safety: Safety) -> float | None:
+        """The η of the paper's formula for the scenario's rows; None if it is not known."""
+        formula = self.pair_formula if safety.pairwise else self.formula
+        if formula is None:
+            return None
+        return formula.corrected if safety.counts_disturbance else formula.eta
 
     def __repr__(self) -> str:
         return "\n".join([self.answer, *(f"- {words}" for words in self.words)])
@@ -196,19 +208,23 @@ def _believed_liars(swarm: Swarm) -> list[str]:
     return [name for i, name in enumerate(swarm.names) if name in names and i in swarm.normal]
 
 
+def _trusted_attackers(swarm: Swarm) -> list[str]:
+    """Return the normal agents that declared faults turn, if rows of others count on them."""
+    safety, found = swarm.safety, set[str]()
+    for fault in swarm.scenario.faults:
+        lies = isinstance(fault, HijackFault) and safety.counts_on_received
+        if isinstance(fault, AttackFault) and (safety.joint or lies):
+            found.update(fault.agents or swarm.names)
+    return [swarm.names[i] for i in swarm.normal if swarm.names[i] in found]
+
+
 def advice(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
     """Return the findings of a check with the settings to change.
 
     unknown: sentences on what could not be computed.
     """
-    words = _certificate_advice(report)
-    if not words:
-        words.append(
-            "A run can end guaranteed: certificates cover every pair at the start, and the verdict "
-            "rests on the certificates of all inputs that are applied."
-        )
     return [
-        *words,
+        *_certificate_advice(report),
         *_start_advice(report),
         *_theorem_advice(swarm, report),
         *_received_input_advice(swarm),
@@ -283,6 +299,12 @@ def _received_input_advice(swarm: Swarm) -> list[str]:
             "neighbour may apply another one: each agent's row holds, but not the joint condition. "
             "Take 'in-flight', 'split' or 'unknown'."
         )
+    if turned := _trusted_attackers(swarm):
+        words.append(
+            f"Declared faults make adversaries of {', '.join(turned)}, and safety.information = "
+            f"'{swarm.safety.information}' counts on what normal agents do: each agent's row "
+            "holds, but not the joint condition. Take 'unknown'."
+        )
     if liars := _believed_liars(swarm):
         words.append(
             f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
@@ -297,11 +319,12 @@ def _margin_advice(swarm: Swarm, report: CheckReport) -> list[str]:
     """Return where the margin is not a bound, and where no margin would suffice."""
     words = []
     given = [eta for eta in report.eta_paper.values() if eta is not None]
-    if given and report.formula and max(given) < report.formula.eta:
+    needed = report.eta_needed(swarm.safety)
+    if given and needed is not None and min(given) < needed:
         words.append(
-            f"The margin η = {rounded(max(given))} is below the {rounded(report.formula.eta)} "
-            "of the paper's formula over the workspace: it is a choice, not a bound. For a bound "
-            "take safety.margin = 'integrated' or 'local' and safety.eta = 0."
+            f"The margin η = {rounded(min(given))} is below the {rounded(needed)} of the paper's "
+            "formula over the workspace: it is a choice, not a bound. For a bound take "
+            "safety.margin = 'integrated' or 'local' and safety.eta = 0."
         )
     if report.relative_degree > 1 and not swarm.safety.counts_disturbance:
         words.append(

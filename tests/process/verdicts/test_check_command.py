@@ -30,7 +30,9 @@ def check(capsys, monkeypatch):
 def test_with_a_given_margin_only_certificates_promise_anything(check):
     found, heading, table, words = check("one-on-one", "--strict")
     assert found == 0
-    assert heading == "one-on-one: a run can end guaranteed (relative degree q = 1)"
+    answer = "a run can end guaranteed: every pair is certified at the start"
+    assert heading == f"one-on-one: {answer}"
+    assert table["relative degree q"][0] == "1"
     assert table["agents certified at the start"] == ["1", "all 1"]
     assert table["gaps in the theorem's proof"] == ["1", "none", "Th. 2"]
     assert table["largest h at the start"] == ["-1.89 m²", "at most 0", "(2)"]
@@ -47,7 +49,8 @@ def test_without_certificates_at_the_start_strict_makes_a_failure(check):
     relaxed, heading, table, words = check("one-on-one", *chased)
     assert relaxed == 0
     assert check("one-on-one", *chased, "--strict")[0] == 1
-    assert heading.startswith("one-on-one: a run cannot end guaranteed")
+    answer = "a run cannot end guaranteed: no certificate covers its start"
+    assert heading == f"one-on-one: {answer}"
     assert table["agents certified at the start"] == ["0, not 1", "all 1"]
     assert "- No guarantee: at the start 1 has no input" in words
 
@@ -76,6 +79,39 @@ def test_what_is_missing_is_named_with_its_setting(check):
     assert table["margin η, by the formula"] == ["0.5 m²/s²", "set [workspace]", "(42)"]
     assert table["effort left on the boundary"] == ["not computed", "set [workspace]", "Th. 3 (33)"]
     assert "give bounds for vx, vy, vz in [workspace]" in words
+
+
+def test_an_unsafe_start_is_foretold(check):
+    _, heading, _, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -0.9]]")
+    assert heading == "one-on-one: a run will end violated: a pair is unsafe at the start"
+    assert "No guarantee: some pair is unsafe at the start" in words
+
+
+@pytest.mark.parametrize("composition", ["lse", "pairs"])
+def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composition):
+    """In a row for each pair the formula's η is that of one pair."""
+    _, _, table, words = check("faults/hijack", "--set", f"safety.composition={composition}")
+    found, least, _ = table["margin η, by the formula"]
+    number = least.removeprefix("at least ").removesuffix(" m²/s")
+    assert f"The margin η = {found.removesuffix(' m²/s')} is below the {number} of the" in words
+
+
+@pytest.mark.parametrize(
+    ("kind", "information", "warned"),
+    [
+        ("hijack", "split", True),
+        ("turn", "split", True),
+        ("hijack", "in-flight", True),
+        ("turn", "in-flight", False),
+        ("hijack", "unknown", False),
+        ("hijack", "worst-case", False),
+    ],
+)
+def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(check, kind, information, warned):
+    fault = f"faults=[{{ kind = '{kind}', at = 0.4, agents = ['1'] }}]"
+    settings = "--set", fault, "--set", f"safety.information={information}"
+    _, _, _, words = check("faults/hijack", *settings)
+    assert ("make adversaries of 1, and safety.information" in words) is warned
 
 
 @pytest.mark.nightly

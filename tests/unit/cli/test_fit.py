@@ -2,18 +2,23 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 
 import phalanx
 from phalanx.cli.app import status
+from phalanx.cli.fit import _Fit
+from phalanx.recording.disturbances import disturbances_of
+from phalanx.recording.read import swarm_of
 
 BOUND = 0.4
+EVERY = {f"agents.{k}.disturbance.every": 0.5 for k in (0, 1)}
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Two short runs whose disturbances are within BOUND."""
-    table = {f"agents.{k}.disturbance.bound": BOUND for k in (0, 1)}
+    table = {f"agents.{k}.disturbance.bound": BOUND for k in (0, 1)} | EVERY
     return [
         str(
             phalanx.run(
@@ -26,6 +31,36 @@ def runs(tmp_path_factory):
     ]
 
 
+def intervals(run):
+    recording = phalanx.open(run).recording
+    return disturbances_of(recording, swarm_of(recording))
+
+
+def line_of(text):
+    """Each group's line for the scenario, as a table."""
+    lines = [line for line in text.splitlines() if line.startswith("disturbance = ")]
+    return [tomllib.loads(line)["disturbance"] for line in lines]
+
+
+def test_the_bound_for_the_scenario_is_never_below_what_was_needed(runs, capsys):
+    """At a low level most intervals are above the conformal bound, which is of the next one."""
+    needed = np.concatenate([each.size for each in intervals(runs[0])])
+    text = printed(capsys, runs[0], "--level", "0.5")
+    found = line_of(text)
+    assert max(each["bound"] for each in found) >= needed.max()
+    bounds = {f"agents.{k}.disturbance.bound": each["bound"] for k, each in enumerate(found)}
+    again = phalanx.load("unicycles", {"duration": 0.3, **EVERY, **bounds}, seed=1)
+    for each, group in zip(found, again.agents, strict=True):
+        assert group.disturbance.model_dump() == {"kind": "random", **each}
+
+
+@pytest.mark.parametrize("bound", [0.0408500000001, 0.04085, 1.0, 9.9999001, 1e-7, 123456.0])
+def test_the_bound_is_rounded_up_to_four_digits(bound):
+    found = _Fit(largest=bound, p99=0.0, conformal=0.5 * bound).bound
+    assert bound <= found <= bound * 1.001
+    assert found == float(f"{found:.4g}")
+
+
 def printed(capsys, *arguments):
     assert status(["fit", "disturbance", *arguments]) == 0
     return capsys.readouterr().out
@@ -35,8 +70,7 @@ def printed(capsys, *arguments):
 @pytest.mark.slow
 def test_the_line_for_the_scenario_bounds_what_was_drawn(runs, capsys):
     text = printed(capsys, *runs)
-    lines = [line for line in text.splitlines() if line.startswith("disturbance = ")]
-    bounds = [tomllib.loads(line)["disturbance"]["bound"] for line in lines]
+    bounds = [each["bound"] for each in line_of(text)]
     assert len(bounds) == 2
     assert all(0.3 * BOUND < bound < 1.01 * BOUND for bound in bounds)
     assert "# check with these bounds: " in text

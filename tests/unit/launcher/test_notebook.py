@@ -14,7 +14,7 @@ def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
     assert repr(scenario) == str(scenario)
     assert repr(scenario) == "Scenario('one-on-one', 1 normal and 1 adversary agents, 20 s, seed 4)"
     answer, *words = repr(phalanx.check(scenario)).split("\n")
-    assert answer == "a run can end guaranteed (relative degree q = 1)"
+    assert answer == "a run can end guaranteed: every pair is certified at the start"
     assert words
     assert all(line.startswith("- ") for line in words)
     shown = repr(summary_of(scenario, "too\x1b[2J close"))
