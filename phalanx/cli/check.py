@@ -34,11 +34,13 @@ def check(
       phalanx check unicycles --set network.loss=0.3 --set safety.information=split
     """
     import phalanx
+    from phalanx.cli.display import spinner
     from phalanx.schema.user_code import code_trusted
 
     with code_trusted(trust):
         resolved = phalanx.load(scenario, overrides or (), seed)
-    report = phalanx.check(resolved)
+    with spinner(f"checking {resolved.name}") as show:
+        report = phalanx.check(resolved, progress=show)
     _show(resolved, report)
     return 1 if strict and not report.may_be_guaranteed else 0
 

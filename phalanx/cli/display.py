@@ -1,6 +1,7 @@
 """Progress bar, tables and key figures of a run in a terminal."""
 
 import contextlib
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ from rich.text import Text
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.launcher.run import Run
-from phalanx.launcher.streams import printable
+from phalanx.launcher.streams import echo_error, printable
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import origin_label
 from phalanx.wire.messages import Status
@@ -92,9 +93,21 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
 
 @contextlib.contextmanager
 def spinner(what: str) -> Iterator[Callable[[str], None]]:
-    """Show an activity while the block runs; yields the function to call with each part of it."""
-    with Console(stderr=True).status(styled(what, "")) as status:
-        yield lambda part: status.update(styled(f"{what}: {part}", ""))
+    """Show an activity while the block runs; yields the function to call with each part of it.
+
+    Without a terminal parts are lines, at most one a second.
+    """
+    console, due = Console(stderr=True), 0.0
+
+    def show(part: str) -> None:
+        nonlocal due
+        status.update(styled(f"{what}: {part}", ""))
+        if not console.is_terminal and time.monotonic() >= due:
+            due = time.monotonic() + 1.0
+            echo_error(f"{what}: {part}")
+
+    with console.status(styled(what, "")) as status:
+        yield show
 
 
 def _text(words: str, **options: Any) -> TextColumn:

@@ -134,7 +134,7 @@ def least_now(pair: ComposedSet) -> ca.SX:
 
 
 @outwards()
-def highest_within(pair: ComposedSet, bounds: Sequence[float], horizon: float) -> ca.SX:
+def highest_within(pair: ComposedSet, bounds: Sequence[float], horizon: float | ca.SX) -> ca.SX:
     """Bound h from above within the horizon; inf if there is no bound."""
     try:
         reach = [
@@ -155,7 +155,7 @@ class Reach(NamedTuple):
     """1 if the state is proven to stay in the box."""
 
 
-def reach_within(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
+def reach_within(member: Member, x: ca.SX, bound: float, horizon: float | ca.SX) -> Reach:
     """Bound a member's states within a horizon [s] for all its inputs.
 
     Raises ValueError if there is no bound.

@@ -1,6 +1,7 @@
 """The check of a scenario before any run: q, S_I, constants, margins, Theorem 3, certificates."""
 
 import math
+from collections.abc import Callable
 
 from phalanx.arrays import Array
 from phalanx.guarantee.check_report import (
@@ -47,12 +48,13 @@ _MOST_NAMES = 8
 """Most names of agents in one sentence."""
 
 
-def check(scenario: Scenario) -> CheckReport:
-    """Check a scenario without running it.
+def check(scenario: Scenario, progress: Callable[[str], None] = lambda part: None) -> CheckReport:
+    """Check a scenario without running it; progress is called with the name of each part.
 
     Raises ScenarioError if the safe set cannot be built, as when relative degrees are mixed.
     """
     swarm = build_swarm(scenario)
+    progress("rows")
     rows, x, box = require_runnable(swarm), swarm.start(), workspace(swarm)
     unknown: list[str] = []
     of_all = of_pair = boundary_condition = None
@@ -75,6 +77,7 @@ def check(scenario: Scenario) -> CheckReport:
         )
     try:
         if isinstance(box, tuple):
+            progress("margins")
             drawn = drawn_states(scenario.seed, "inside", *box, _SAMPLES)
             region = Region(*box, states_inside(rows.invariants(), x, drawn))
             of_all, of_pair = formula(rows, rows.chain, region), worst_pair(rows, region)
@@ -82,6 +85,9 @@ def check(scenario: Scenario) -> CheckReport:
         proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
     except ValueError as error:
         unknown.append(f"No margin can be computed: {error}.")
+    progress("certificates")
+    certified, promise = certified_start(swarm), promised(swarm)
+    progress("inputs at the start")
     report = CheckReport(
         relative_degree=rows.relative_degree,
         psi_at_start=_psi(rows, x),
@@ -95,8 +101,8 @@ def check(scenario: Scenario) -> CheckReport:
         largest_gap=largest_gap(list(proven.values())) if proven else None,
         largest_delay=0.0 if uses_newest_inputs(swarm) else math.inf,
         gaps=proof_gaps(swarm),
-        certified=certified_start(swarm),
-        promised=promised(swarm),
+        certified=certified,
+        promised=promise,
     )
     report.words.extend(
         [

@@ -7,7 +7,7 @@ network.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -173,13 +173,13 @@ class Promise(NamedTuple):
 
 def promised(swarm: Swarm) -> Promise:
     """Return the time that is promised from x(0) on. A pair without a bound makes it 0."""
-    x, safe, unknown = swarm.start(), 0.0, swarm.scenario.duration
-    first = _unproven(swarm, x, unknown)
+    unproven, safe, unknown = _unproven(swarm, swarm.start()), 0.0, swarm.scenario.duration
+    first = unproven(unknown)
     if not len(first):
         return Promise(unknown, "")
     for _ in range(_HALVINGS):
         middle = 0.5 * (safe + unknown)
-        found = _unproven(swarm, x, middle)
+        found = unproven(middle)
         if len(found):
             first, unknown = found, middle
         else:
@@ -187,20 +187,28 @@ def promised(swarm: Swarm) -> Promise:
     return Promise(safe, swarm.safe_set.label(swarm.safe_set.pairs[int(first[0])]))
 
 
-def _unproven(swarm: Swarm, x: Array, time: float) -> Index:
-    """Return the pairs for which h <= 0 is not proven up to a time [s]; x: x(0), shape (n̄,)."""
-    certificates = swarm.once(SwarmCertificates)
+def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
+    """Return time [s] -> the pairs for which h <= 0 is not proven up to it; x: x(0), (n̄,)."""
+    certificates, time = swarm.once(SwarmCertificates), ca.SX.sym("T")
     ends, sorts, numbers = certificates.ends, certificates.sorts, swarm.pairs.numbers(x)
-    found = [np.empty(0, dtype=np.intp)]
-    for sort in np.unique(sorts).tolist():
-        which = np.flatnonzero(sorts == sort)
-        a, b = ends[which[0]].tolist()
-        alone = swarm.pairs.alone(a, b)
+    sort_of = [np.flatnonzero(sorts == sort) for sort in np.unique(sorts).tolist()]
+    bounds = list[tuple[Index, MappedFunction, Index]]()
+    for which in sort_of:
+        alone = swarm.pairs.alone(*ends[which[0]].tolist())
+        # Of any time: an expression is built once, and evaluated for each.
         within = highest_within(alone, certificates.bounds(alone), time)
-        highest = MappedFunction([alone.x, alone.parameters], [within])
-        h = highest(numbers, spread(swarm.pairs.begin, ends[which], alone.sizes))[:, 0]
-        found.append(which[~(h <= 0.0)])
-    return np.sort(np.concatenate(found))
+        highest = MappedFunction([alone.x, alone.parameters, time], [within])
+        places = spread(swarm.pairs.begin, ends[which], alone.sizes)
+        at_end = np.full((len(which), 1), len(numbers))
+        bounds.append((which, highest, np.hstack([places, at_end])))
+
+    def unproven(until: float) -> Index:
+        given, found = np.append(numbers, until), [np.empty(0, dtype=np.intp)]
+        for which, highest, places in bounds:
+            found.append(which[~(highest(given, places)[:, 0] <= 0.0)])
+        return np.sort(np.concatenate(found))
+
+    return unproven
 
 
 class CertifiedStart(NamedTuple):

@@ -81,6 +81,13 @@ def test_what_is_missing_is_named_with_its_setting(check):
     assert "give bounds for vx, vy, vz in [workspace]" in words
 
 
+def test_it_says_at_once_on_standard_error_what_it_does(capsys):
+    assert status(["check", "one-on-one"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.startswith("checking one-on-one: rows\n")
+    assert "checking" not in printed.out
+
+
 def test_an_unsafe_start_is_foretold(check):
     _, heading, _, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -0.9]]")
     assert heading == "one-on-one: a run will end violated: a pair is unsafe at the start"

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.guarantee import start
+from phalanx.guarantee.certificate import highest_within
 from phalanx.guarantee.start import Promise, promised
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
@@ -30,6 +32,19 @@ def test_two_agents_that_drive_at_each_other_meet_after_it(gap):
 
 def test_agents_too_far_apart_to_meet_are_promised_the_whole_run():
     assert ahead("one-on-one", agents__1__start=[[0.0, -50.0]]) == Promise(20.0, "")
+
+
+def test_the_bound_of_a_kind_of_pair_is_built_once_for_all_times(monkeypatch):
+    """Building takes most of the time: a second for each time tried, for crazyflies."""
+    built = []
+
+    def counted(*arguments):
+        built.append(arguments)
+        return highest_within(*arguments)
+
+    monkeypatch.setattr(start, "highest_within", counted)
+    assert ahead("one-on-one").time > 0.0
+    assert len(built) == 1
 
 
 def test_nothing_is_promised_from_an_unsafe_start():
