@@ -191,16 +191,15 @@ def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
     """Return time [s] -> the pairs for which h <= 0 is not proven up to it; x: x(0), (n̄,)."""
     certificates, time = swarm.once(SwarmCertificates), ca.SX.sym("T")
     ends, sorts, numbers = certificates.ends, certificates.sorts, swarm.pairs.numbers(x)
-    sort_of = [np.flatnonzero(sorts == sort) for sort in np.unique(sorts).tolist()]
     bounds = list[tuple[Index, MappedFunction, Index]]()
-    for which in sort_of:
+    for sort in np.unique(sorts).tolist():
+        which = np.flatnonzero(sorts == sort)
         alone = swarm.pairs.alone(*ends[which[0]].tolist())
         # Of any time: an expression is built once, and evaluated for each.
         within = highest_within(alone, certificates.bounds(alone), time)
         highest = MappedFunction([alone.x, alone.parameters, time], [within])
         places = spread(swarm.pairs.begin, ends[which], alone.sizes)
-        at_end = np.full((len(which), 1), len(numbers))
-        bounds.append((which, highest, np.hstack([places, at_end])))
+        bounds.append((which, highest, np.insert(places, places.shape[1], len(numbers), axis=1)))
 
     def unproven(until: float) -> Index:
         given, found = np.append(numbers, until), [np.empty(0, dtype=np.intp)]

@@ -275,12 +275,10 @@ class Summary(msgspec.Struct):
     @property
     def on_theorem(self) -> str:
         """Sentence on the paper's theorem, which a guarantee does not need; else empty."""
-        if self.outcome is not Outcome.GUARANTEED:
+        failed = _counts([a for a in self.theorem if a.failed])
+        if self.outcome is not Outcome.GUARANTEED or not failed:
             return ""
-        if not (failed := [a for a in self.theorem if a.failed]):
-            return "All assumptions of the paper's theorem held as well."
-        without = "Assumptions of the paper's theorem, which this does not rest on, failed"
-        return f"{without}: {_counts(failed)}."
+        return f"Assumptions of the paper's theorem, which this does not rest on, failed: {failed}."
 
     @property
     def notes(self) -> list[str]:
@@ -339,41 +337,30 @@ def judge(
             there is no such pair.
     """
     counted = "pair" if excluded is None else "pair with a normal agent"
-    outcome, reason = _judged(violations, assumptions, theorem, counted)
-    if not excluded:
-        return outcome, reason
-    pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in excluded)
-    return outcome, f"{reason}; not counted, since their agents had turned adversary: {pairs}"
-
-
-def _judged(
-    violations: list[Violation],
-    assumptions: list[Assumption],
-    theorem: list[Assumption],
-    counted: str,
-) -> tuple[Outcome, str]:
-    failed = [a for a in assumptions if a.failed]
+    failed = _counts([a for a in assumptions if a.failed])
+    outcome, reason = Outcome.GUARANTEED, f"every {counted} was proven safe at every instant"
     if violations:
-        worst = max(violations, key=lambda v: v.worst)
-        earlier = [
-            f"{a.name} (since t = {a.first:.3f} s)"
-            for a in {a.name: a for a in [*assumptions, *theorem]}.values()
-            if a.first is not None and a.first <= worst.first
-        ]
-        before = f"; assumptions that had failed: {', '.join(earlier)}" if earlier else ""
-        times, in_all = "", ""
-        if worst.count > 1:
-            times, in_all = f" {worst.count} times, first", " in all"
-        return Outcome.VIOLATED, (
-            f"{worst.pair} left the safe set{times} at t = {worst.first:.3f} s, up to h = "
-            f"{worst.worst:.4g} where 0 is allowed, for {worst.duration:.3f} s{in_all}{before}"
-        )
-    if failed:
-        return Outcome.SAFE, (
-            f"no {counted} was outside the safe set at any integration step, but this is not "
-            f"guaranteed, nor known between the steps; assumptions that failed: {_counts(failed)}"
-        )
-    return Outcome.GUARANTEED, f"every {counted} was proven safe at every instant"
+        outcome, reason = Outcome.VIOLATED, _worst_of(violations, [*assumptions, *theorem])
+    elif failed:
+        unsafe = f"no {counted} was outside the safe set at any integration step, but this is not"
+        unknown = f"guaranteed, nor known between the steps; assumptions that failed: {failed}"
+        outcome, reason = Outcome.SAFE, f"{unsafe} {unknown}"
+    if excluded:
+        pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in excluded)
+        reason += f"; not counted, since their agents had turned adversary: {pairs}"
+    return outcome, reason
+
+
+def _worst_of(violations: list[Violation], assumptions: list[Assumption]) -> str:
+    worst = max(violations, key=lambda v: v.worst)
+    earlier = [
+        f"{a.name} (since t = {a.first:.3f} s)"
+        for a in {a.name: a for a in assumptions}.values()
+        if a.first is not None and a.first <= worst.first
+    ]
+    before = f"; assumptions that had failed: {', '.join(earlier)}" if earlier else ""
+    depth = f"up to h = {worst.worst:.4g} where 0 is allowed"
+    return f"{worst.pair} left the safe set, {depth}, for {worst.times}{before}"
 
 
 def _counts(failed: list[Assumption]) -> str:

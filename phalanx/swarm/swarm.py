@@ -203,7 +203,7 @@ class Swarm:
     def without_normal(self, turned: Collection[int]) -> Mask:
         """Return the pairs without a normal agent once these agents turned adversary, (p,)."""
         normal = np.isin(np.arange(self.pairs.every.max() + 1), [*set(self.normal) - {*turned}])
-        found: Mask = ~normal[self.pairs.every].any(axis=1)
+        found: Mask = np.logical_not(normal[self.pairs.every].any(axis=1))
         return found
 
     def heard_by(self, i: int) -> tuple[int, ...]:

@@ -98,7 +98,7 @@ class Judge:
         """Judge the next events in order, and append the results; a sample has none.
 
         Together, as h, ψ and certificates cost least for many. Raises DivergedError, and what the
-        first report that does not arrive raises, once the others are judged.
+        first report that does not arrive raises, once the others up to a command are judged.
         """
         # States after a command are evaluated once it has excluded pairs.
         commands = [k + 1 for k, event in enumerate(events) if type(event) is CommandApplied]

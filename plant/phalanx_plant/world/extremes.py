@@ -35,36 +35,34 @@ class _Excursions:
 
     def add(self, times: Array, unsafe: Mapping[int, Array]) -> list[Crossing]:
         """Add steps at these times [s], with the h of each pair that is unsafe at one of them."""
-        self._t = float(times[-1])
-        crossings = [self._end(p, float(times[0])) for p in self._lasting - unsafe.keys()]
+        self._t, lasting = float(times[-1]), self._lasting
+        crossings = [Crossing(float(times[0]), pair, False) for pair in lasting - unsafe.keys()]
         for pair, h in unsafe.items():
             outside = ~(h <= 0.0)
-            for k in np.flatnonzero(np.diff(outside, prepend=pair in self._lasting)).tolist():
-                cross = self._begin if outside[k] else self._end
-                crossings.append(cross(pair, float(times[k])))
-            violation = self._violations[pair]
-            if h.max() > violation.worst:
-                violation.worst, violation.worst_at = float(h.max()), float(times[h.argmax()])
+            edges = np.flatnonzero(np.diff(outside, prepend=pair in lasting)).tolist()
+            crossings += [Crossing(float(times[k]), pair, bool(outside[k])) for k in edges]
+        for crossing in crossings:
+            self._cross(*crossing)
+        for pair, h in unsafe.items():
+            violation, worst = self._violations[pair], float(h.max())
+            if worst > violation.worst:
+                violation.worst, violation.worst_at = worst, float(times[h.argmax()])
         return crossings
 
     def end(self, pairs: Index, t: float) -> None:
         """End the excursions of these pairs at t [s]."""
         for pair in self._lasting.intersection(pairs.tolist()):
-            self._end(pair, t)
+            self._cross(t, pair, False)
 
-    def _begin(self, pair: int, t: float) -> Crossing:
+    def _cross(self, t: float, pair: int, unsafe: bool) -> None:
         name = self._composed.label(self._composed.pairs[pair])
         first = Violation(name, t, -np.inf, t, 0.0, 0, t, None)
         violation = self._violations.setdefault(pair, first)
-        violation.count, violation.begin, violation.end = violation.count + 1, t, None
-        self._lasting.add(pair)
-        return Crossing(t, pair, unsafe=True)
-
-    def _end(self, pair: int, t: float) -> Crossing:
-        violation = self._violations[pair]
-        violation.duration, violation.end = violation.duration + t - violation.begin, t
-        self._lasting.remove(pair)
-        return Crossing(t, pair, unsafe=False)
+        self._lasting ^= {pair}
+        if unsafe:
+            violation.count, violation.begin, violation.end = violation.count + 1, t, None
+        else:
+            violation.duration, violation.end = violation.duration + t - violation.begin, t
 
     def violations(self) -> list[Violation]:
         """Return every pair's excursions, the deepest first; those that last until now."""
@@ -102,7 +100,7 @@ class PairExtremes:
         self._composed = composed
         self._counted, self._apart = _Excursions(composed), _Excursions(composed)
         self._is_excluded = np.zeros(len(composed.pairs), dtype=bool)
-        self.worst_h, self.worst_at, self._worst_pair = -np.inf, 0.0, 0
+        self.worst_h, self.worst_at, self.worst_pair = -np.inf, 0.0, ""
         """Largest h so far of a pair with a normal agent, its time [s] and its pair."""
         self.largest_h_tot, self.largest_h_tot_at = -np.inf, 0.0
         """Largest h_tot so far, and its time [s]."""
@@ -112,11 +110,6 @@ class PairExtremes:
         """The pair with a normal agent whose h was largest at the last step."""
         self._parts: defaultdict[int, list[_Part]] = defaultdict(list)
         """By number of a history, until it is taken."""
-
-    @property
-    def worst_pair(self) -> str:
-        """The pair of the worst h."""
-        return self.label(self._worst_pair)
 
     def label(self, pair: int) -> str:
         """Name of a pair, by its index."""
@@ -152,7 +145,7 @@ class PairExtremes:
         for part in self._parts.pop(number, ()):
             for h_tot, t, h, pair in part.largest:
                 if h > self.worst_h:
-                    self.worst_h, self.worst_at, self._worst_pair = h, t, pair
+                    self.worst_h, self.worst_at, self.worst_pair = h, t, self.label(pair)
                 if h_tot > self.largest_h_tot:
                     self.largest_h_tot, self.largest_h_tot_at = h_tot, t
                 self.now, self.largest = (h_tot, h), pair

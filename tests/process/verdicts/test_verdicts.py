@@ -166,7 +166,9 @@ def test_what_a_turned_agent_does_to_itself_is_named_and_not_counted():
     assert run.verdict is Outcome.GUARANTEED
     for pair in apart:
         assert f"{pair} (from t = " in run.summary.reason
-        assert any(f"{pair} left the safe set, set apart" in log.text for log in run.recording.log)
+        assert any(
+            f"{pair} left the safe set, not counted" in log.text for log in run.recording.log
+        )
     assert certified(run, {"1": 0.1})
     assert certified(run, {}).gap.pair in apart
 

@@ -118,7 +118,9 @@ def test_each_excursion_has_its_own_begin_and_end(run: phalanx.Run) -> None:
     assert (violation.first, violation.begin) == tuple(left)
     assert violation.end == back[1]
     assert violation.duration == pytest.approx(back[0] - left[0] + back[1] - left[1])
-    assert "left the safe set 2 times, first at t = " in last_line(run.summary)
+    assert violation.times.endswith(f"to {back[1]:.3f} s, in 2 excursions")
+    assert f"left the safe set, up to h = {violation.worst:.4g} where 0" in last_line(run.summary)
+    assert f", for {violation.times}" in last_line(run.summary)
     replay, early = Replay(run.recording), f"since t = {left[0]:.3f} s"
     for t, lines in (
         (left[0] + 0.02, early),
