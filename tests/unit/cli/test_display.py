@@ -34,7 +34,7 @@ def test_the_progress_bar_fits_80_columns(screen):
         show(longest)
     (line,) = [_CONTROL.sub("", part) for part in lines(screen) if "backups" in part]
     assert len(line) <= 80
-    for part in ("138.25/140 s", "112.3x", "h_tot -0.000123", "backups 12345"):
+    for part in ("138.25/140 s", "112.3x", "worst h -0.000123", "backups 12345"):
         assert part in line
 
 

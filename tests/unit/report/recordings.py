@@ -23,12 +23,13 @@ def drift(scenario: Scenario, states: int = 60, steps: int = 40) -> list[State |
     """Records of a swarm that drifts along x; inputs and links as real as their rules make them."""
     swarm = build_swarm(scenario)
     composed = swarm.safe_set
-    h_tot = ca.Function("h", [composed.x], [composed.substitute(composed.h_tot)])
+    outputs = [composed.substitute(composed.h_tot), ca.mmax(composed.h)]
+    highest = ca.Function("h", [composed.x], outputs)
     along = np.concatenate([np.eye(len(m.dynamics.states))[0] for m in swarm.members])
     records: list[State | Step | Log] = []
     for t in np.linspace(0.0, scenario.duration, states):
         x = swarm.start() + t * along
-        records.append(State(float(t), x.tolist(), float(h_tot(x))))
+        records.append(State(float(t), x.tolist(), *map(float, highest(x))))
     for k in range(steps):
         records += [step(scenario, swarm.names, i, k) for i in range(len(swarm.members))]
     return records

@@ -37,7 +37,7 @@ def test_only_differences_of_the_scenarios_are_listed(folders: list[Path]) -> No
 def test_every_key_figure_has_a_value_for_each_run(folders: list[Path]) -> None:
     rows = {name: values for name, *values in results(compared(folders))}
     assert rows["Verdict"] == ["violated", "violated"]
-    assert rows["Worst h_tot"] == ["0.25 at t = 0.300 s"] * 2
+    assert rows["Worst h"] == ["0.25 at t = 0.300 s"] * 2
     assert "Empty K_i" in rows
 
 

@@ -30,7 +30,7 @@ def test_all_panels_are_drawn_on_a_figure_that_pyplot_shows(run: phalanx.Run):
     assert list(axes) == list(PANELS)
     assert {each.figure for each in axes.values()} == {plt.gcf()}
     assert all(each.lines for each in axes.values())
-    assert axes["h"].get_title(loc="right") == "worst 0.25 at 0.300 s"
+    assert axes["h"].get_title(loc="right") == "worst h 0.25 at 0.300 s"
     drawn = axes["h"].lines[0].get_xydata().tolist()
     assert drawn == run.states.select("t", "h_tot").to_numpy().tolist()
 
