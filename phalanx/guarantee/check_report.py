@@ -78,7 +78,7 @@ class CheckReport:
 
     @property
     def answer(self) -> str:
-        """What will happen in a run, as far as that is known."""
+        """Sentence on the verdict of a run, as far as it is known before."""
         if self.may_be_guaranteed:
             return "a run can end guaranteed: every pair is certified at the start"
         if not self.certified.safe:

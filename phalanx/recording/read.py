@@ -89,8 +89,12 @@ class Recording:
 
     @property
     def h(self) -> Array:
-        """Likewise the largest h of a pair with a normal agent; in older recordings h_tot."""
-        return np.array([s.h_tot if s.h is None else s.h for s in self.states])
+        """Likewise the largest h of a pair with a normal agent; in older recordings h_tot.
+
+        It is -inf where there is no such pair any more.
+        """
+        h = np.array([state.h for state in self.states], dtype=float)  # NaN for None
+        return np.where(np.isnan(h), -np.inf, h) if np.isfinite(h).any() else self.h_tot
 
 
 def find(run: Path) -> Path:

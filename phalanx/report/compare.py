@@ -155,7 +155,7 @@ def overlay(h_tot: Mapping[str, Series]) -> Figure:
     figure, (above, below) = over_time(2, 2.6)
     (_, base), *_ = h_tot.items()
     for (title, series), colour in zip(h_tot.items(), cycle((NORMAL, *WORST))):
-        label = f"{title}: worst {np.nanmax(series.y):.4g}"
+        label = f"{title}: largest {np.nanmax(series.y):.4g}"
         draw_line(above, series, colour=colour, width=1.2, label=label)
         if series is not base:
             common = Series(*(values[series.t <= base.t[-1]] for values in series))

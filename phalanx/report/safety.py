@@ -66,7 +66,7 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
         history.times[shown], history.h_tot[shown], color=NORMAL, linewidth=1.2, label="$h_{tot}$"
     )
     shown = kept(history.h)
-    t, h = history.times[shown], history.h[shown]
+    t, h = history.times[shown], np.where(np.isfinite(history.h), history.h, np.nan)[shown]
     axes.plot(t, h, color="#111111", linewidth=0.9, label="largest h of a pair")
     axes.axhline(0.0, color=LIMIT, linewidth=1.2)
     axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
@@ -74,7 +74,7 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
     axes.set_ylabel(f"h [{unit_of_psi(history.scenario) or 'SI'}]")
     axes.set_xlabel("t [s]")
     axes.margins(x=0.01)
-    axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(h), 0.1))
+    axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(history.h_tot[shown]), 0.1))
     style.title(axes, f"worst h {peak.h:.4g} at {peak.t:.3f} s", PEAK)
 
 

@@ -96,7 +96,7 @@ def test_an_unsafe_start_is_foretold(check):
 
 @pytest.mark.parametrize("composition", ["lse", "pairs"])
 def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composition):
-    """In a row for each pair the formula's η is that of one pair."""
+    """The formula gives one pair less than all together."""
     _, _, table, words = check("faults/hijack", "--set", f"safety.composition={composition}")
     found, least, _ = table["margin η, by the formula"]
     number = least.removeprefix("at least ").removesuffix(" m²/s")

@@ -43,7 +43,7 @@ def line_of(text):
 
 
 def test_the_bound_for_the_scenario_is_never_below_what_was_needed(runs, capsys):
-    """At a low level most intervals are above the conformal bound, which is of the next one."""
+    """The conformal bound is of the next interval: at a low level recorded ones are above it."""
     needed = np.concatenate([each.size for each in intervals(runs[0])])
     text = printed(capsys, runs[0], "--level", "0.5")
     found = line_of(text)

@@ -37,9 +37,10 @@ def draw(replay: Replay, t: float, path: Path) -> None:
     scene.legend(handles=marks, loc="upper left", fontsize="small")
     h_tot = figure.add_subplot(grid[1])
     h_tot.plot(replay.times, replay.history.h_tot, color="#2563eb", linewidth=1.0)
+    h_tot.plot(replay.times, replay.history.h, color="#0f172a", linewidth=0.8)
     h_tot.axhline(0.0, color="#94a3b8", linestyle="--")
     h_tot.axvline(frame.t, color="#0f172a", linewidth=1.0)
-    h_tot.set(xlabel="t [s]", ylabel="h_tot")
+    h_tot.set(xlabel="t [s]", ylabel="h_tot; black: largest h")
     figure.savefig(path, dpi=150)
 
 
