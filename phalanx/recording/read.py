@@ -222,6 +222,7 @@ class _Contents:
     def __init__(self) -> None:
         self.scenario: str | None = None
         self.summary: Summary | None = None
+        self._summary_damage: str | None = None
         self.metadata: dict[str, str] = {}
         self.modules: dict[str, bytes] = {}
         self.hashes: dict[str, str] = {}
@@ -251,13 +252,16 @@ class _Contents:
             return f"damaged after {self._extent()}: {error}"
         except (MemoryError, OverflowError):
             return f"damaged after {self._extent()}: an impossible length"
-        return None
+        return self._summary_damage
 
     def _attach(self, record: Attachment) -> None:
         if record.name == "scenario.json":
             self.scenario = record.data.decode()
         elif record.name == "summary.json":
-            self.summary = read_summary(record.data)
+            try:
+                self.summary = read_summary(record.data)
+            except ValueError as error:
+                self._summary_damage = str(error)  # the last records lie behind it
         elif record.media_type == MEDIA_TYPE:
             self.modules[record.name] = record.data
 

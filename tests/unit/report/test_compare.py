@@ -63,7 +63,7 @@ def test_runs_lie_over_one_another_and_their_differences_below() -> None:
     t = np.linspace(0.0, 1.0, 11)
     longer = np.linspace(0.0, 2.0, 5)
     above, below = overlay({"a": Series(t, t - 2.0), "b": Series(longer, longer - 1.5)}).axes
-    assert [line.get_label() for line in above.lines[:2]] == ["a: worst -1", "b: worst 0.5"]
+    assert [line.get_label() for line in above.lines[:2]] == ["a: largest -1", "b: largest 0.5"]
     (apart,) = below.lines[:1]
     assert apart.get_label() == "b: at most 0.5"
     assert apart.get_xydata().tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.5]]

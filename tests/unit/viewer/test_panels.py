@@ -1,5 +1,6 @@
 """The text panels of an agent and of the verdict."""
 
+import html
 from pathlib import Path
 
 import msgspec
@@ -7,7 +8,7 @@ import pytest
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.panels import agent_text, verdict_text
 
-from phalanx.guarantee.verdict import Assumption
+from phalanx.guarantee.verdict import Assumption, judge
 from phalanx.recording.read import read
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
@@ -49,6 +50,17 @@ def violated(tmp_path: Path) -> Replay:
 def test_a_violated_recording_says_so_from_its_beginning(violated: Replay) -> None:
     text = verdict_text(violated.frame(0.0), violated.summary, violated.unfinished)
     assert text.index("<b>violated</b>: h &lt;= 0") < text.index("<b>guaranteed until now</b>")
+
+
+def test_a_guarantee_is_one_sentence_and_the_theorem_another(violated: Replay) -> None:
+    assert violated.summary is not None
+    outcome, reason = judge([], [], violated.summary.theorem)
+    summary = msgspec.structs.replace(violated.summary, outcome=outcome, reason=reason)
+    text = verdict_text(violated.frame(violated.end), summary, "")
+    assert "<b>guaranteed</b>: every pair was proven safe at every instant</p>" in text
+    theorem = "Assumptions of the paper's theorem, which this does not rest on, failed: non-empty"
+    assert html.escape(theorem) in text
+    assert "Assumptions of the paper" not in verdict_text(violated.frame(0.0), violated.summary, "")
 
 
 def test_a_failed_assumption_is_worded_as_a_failure(violated: Replay) -> None:
