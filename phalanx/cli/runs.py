@@ -59,7 +59,7 @@ def runs(
     for run in (recording.parent for recording in recordings):
         summary = _summary(run)
         if summary is None:
-            table.add_row(run.name, "running" if find_live(run) else "no verdict of this version")
+            table.add_row(run.name, "running" if find_live(run) else "broken: no summary")
             continue
         certificates = summary.certificates
         table.add_row(

@@ -163,7 +163,6 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     states = [f"agent {m.name} {state}" for m in members for state in m.dynamics.states]
     inputs = {m.name: [f"u.{name}" for name in m.dynamics.inputs] for m in members}
     for n, (old, new) in enumerate(zip(recorded.states, again.states, strict=False)):
-        new.h = new.h if old.h is not None else None  # which older recordings do not have
         if old != new:
             what = _first_field(old, new, "x", states)
             found.append((old.t, f"state {n} at t = {old.t:.6f} s: {what}"))

@@ -89,12 +89,8 @@ class Recording:
 
     @property
     def h(self) -> Array:
-        """Likewise the largest h of a pair with a normal agent; in older recordings h_tot.
-
-        It is -inf where there is no such pair any more.
-        """
-        h = np.array([state.h for state in self.states], dtype=float)  # NaN for None
-        return np.where(np.isnan(h), -np.inf, h) if np.isfinite(h).any() else self.h_tot
+        """Likewise the largest h of a pair with a normal agent; -inf if there is none any more."""
+        return np.array([-np.inf if state.h is None else state.h for state in self.states])
 
 
 def find(run: Path) -> Path:
@@ -222,7 +218,6 @@ class _Contents:
     def __init__(self) -> None:
         self.scenario: str | None = None
         self.summary: Summary | None = None
-        self._summary_damage: str | None = None
         self.metadata: dict[str, str] = {}
         self.modules: dict[str, bytes] = {}
         self.hashes: dict[str, str] = {}
@@ -252,16 +247,13 @@ class _Contents:
             return f"damaged after {self._extent()}: {error}"
         except (MemoryError, OverflowError):
             return f"damaged after {self._extent()}: an impossible length"
-        return self._summary_damage
+        return None
 
     def _attach(self, record: Attachment) -> None:
         if record.name == "scenario.json":
             self.scenario = record.data.decode()
         elif record.name == "summary.json":
-            try:
-                self.summary = read_summary(record.data)
-            except ValueError as error:
-                self._summary_damage = str(error)  # the last records lie behind it
+            self.summary = read_summary(record.data)
         elif record.media_type == MEDIA_TYPE:
             self.modules[record.name] = record.data
 

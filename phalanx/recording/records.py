@@ -29,8 +29,7 @@ class State(msgspec.Struct):
     h_tot: float
     """Largest h_tot since the state before."""
     h: float | None = None
-    """Likewise the largest h of a pair with a normal agent; None if there is none any more, and in
-    older recordings."""
+    """Likewise the largest h of a pair with a normal agent; None if there is none any more."""
 
 
 class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=True):

@@ -26,7 +26,7 @@ def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
     _, live, cut, old, new = capsys.readouterr().out.splitlines()
     assert "live-4" in live
     assert "running" in live
-    assert "no verdict of this version" in cut
+    assert "broken: no summary" in cut
     assert "old-1" in old
     assert "new [red]-2" in new
     assert "violated" in new

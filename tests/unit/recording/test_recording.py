@@ -69,7 +69,7 @@ def records(count: int = COUNT) -> list[State | Step | Log]:
     found: list[State | Step | Log] = []
     for k in range(count):
         t = 0.002 * k + float(rng.uniform(0, 1e-3))
-        found.append(State(t, rng.normal(size=15).tolist(), float(rng.normal())))
+        found.append(State(t, rng.normal(size=15).tolist(), *rng.normal(size=2).tolist()))
         u = tuple(rng.normal(size=2).tolist())
         fates = [("2", k, -1.0), ("3", k, float(rng.uniform()))]
         ages = [("2", float(rng.uniform()))]
@@ -295,22 +295,6 @@ def test_a_verdict_counts_only_at_the_end_of_a_whole_recording(whole, tmp_path):
         assert found.summary is None
         assert found.unfinished == found.damage
     assert reread(tmp_path, whole).unfinished == ""
-
-
-def test_a_recording_of_an_earlier_version_is_read_without_its_verdict(tmp_path):
-    """Its states have h_tot alone, and its summary the time of the largest h_tot as the worst."""
-    old = msgspec.json.decode(msgspec.json.encode(FIGURES))
-    old["worst_h_tot"] = old.pop("worst_h")
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run") as writer:
-        writer.write(*[State(t, [0.0] * 15, h_tot) for t, h_tot in ((0.0, -2.0), (0.1, -1.0))])
-        writer._writer.add_attachment(
-            0, 0, "summary.json", "application/json", msgspec.json.encode(old)
-        )
-        writer._writer.finish()
-    found = read(tmp_path)
-    assert found.summary is None
-    assert "another version of Phalanx: Object missing required field `worst_h`" in found.damage
-    assert found.h.tolist() == found.h_tot.tolist() == [-2.0, -1.0]
 
 
 def test_where_no_pair_counts_any_more_no_h_is_the_worst(tmp_path):
