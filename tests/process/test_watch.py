@@ -21,6 +21,21 @@ HONEST = {
     "latency": {"time.latency": 0.004},
     "come and go": {"safety.neighbourhood": 4.7},
 }
+SHORT = {
+    "two samples at one instant, as a clock steps": {
+        "agents.0.clock": {"period": 0.125},
+        "duration": 0.7,
+        "faults": [{"kind": "clock", "at": 0.5, "agents": ["1"], "step": -0.2}],
+    },
+    "clocks that step at random": {
+        "agents.0.clock": {"period": 0.01},
+        "agents.0.disturbance.bound": 0.0,
+        "duration": 0.05,
+        "seed": 39,
+        "faults": [{"kind": "clock", "rate": 5.0, "step": -0.01}],
+    },
+}
+"""Clock faults after which an agent samples twice within one float64, or a few."""
 LIES = {
     "opposite": {"says": "opposite"},
     "zero": {"says": "zero"},
@@ -37,6 +52,12 @@ def trust(scenario: str, **changes: object) -> TrustSummary:
 @pytest.mark.parametrize("name", layered(HONEST, HONEST.keys() - {"latency", "order and copies"}))
 def test_no_honest_agent_is_convicted(name):
     found = trust("unicycles", **HONEST[name])
+    assert (found.betrayals, found.convictions) == ({}, [])
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_no_honest_agent_is_convicted_in_a_window_of_a_few_float64(name):
+    found = trust("unicycles", **SHORT[name])
     assert (found.betrayals, found.convictions) == ({}, [])
 
 

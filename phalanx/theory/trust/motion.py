@@ -15,6 +15,9 @@ convicted in it if ‖g δu‖ is above 2 φ_l^max, plus that width.
 
 Both samples may be off by a sensor's error, in norm: 2 error / T is then allowed as well, and B
 contains every motion from the box around the first sample.
+
+*States are rounded*, by at most 2^-53 |x_n| a step, which in a short window is a high rate. In each
+of the s parts 16 steps are allowed for: s 2^-49 (Σ |x_n(0)| + Σ |x_n(T)|) / T in total.
 """
 
 from collections.abc import Sequence
@@ -35,13 +38,15 @@ from phalanx.theory.expressions.interval import (
     multiply,
     point,
 )
-from phalanx.theory.expressions.rounding import outwards
+from phalanx.theory.expressions.rounding import LEAST, outwards
 from phalanx.theory.models.dynamics import Dynamics
 
 _INFLATIONS = (0.5, 0.5, 0.3, 0.1)
 _LEAST = 1e-9
 _ROUNDING = 1e-9
-"""Allowed for rounding of states and times: part of a bound, and of a rate for states of size 1."""
+"""Allowed for rounding of rates and of the states in millions of further steps a second."""
+_ROUNDED = 2.0**-49
+"""Allowed for rounding of the states in one part of a window, relative to its ends."""
 
 
 class MotionCheck:
@@ -61,6 +66,7 @@ class MotionCheck:
         self._bound, self._error = bound, error
         self._rates = _rates(dynamics, bound, error)
 
+    @np.errstate(over="ignore", invalid="ignore")  # in windows of 5e-324 s a rate may overflow
     def excess(self, before: Array, after: Array, u: Array, seconds: Array) -> Array:
         """Return by how much more than φ_l^max it takes to explain each window, shape (w,).
 
@@ -84,7 +90,9 @@ class MotionCheck:
         moved = (after - before) / times[:, None]
         outside = np.maximum(0.0, np.maximum(low - moved, moved - high))
         size = 1.0 + np.abs(before).max(axis=1) + np.abs(moved).max(axis=1)
-        allowed = self._bound * (1.0 + _ROUNDING) + _ROUNDING * size + 2.0 * self._error / times
+        ends_of = LEAST + np.abs(before).sum(axis=1) + np.abs(after).sum(axis=1)
+        off = 2.0 * self._error + _ROUNDED * (seconds > 0.0).sum(axis=1) * ends_of
+        allowed = self._bound * (1.0 + _ROUNDING) + _ROUNDING * size + off / times
         beyond = np.sqrt((outside * outside).sum(axis=1)) - allowed
         known = (box[..., -1] > 0.5).all(axis=1) & np.isfinite(beyond)
         return np.where(known, beyond, -np.inf)

@@ -34,6 +34,25 @@ def test_a_motion_within_the_bounds_is_never_convicted(name, seed, bound, error)
     assert np.isfinite(excess).mean() > 0.99
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [3.0, 1e4, 1e8])
+@pytest.mark.parametrize("name", DYNAMICS)
+def test_a_true_motion_is_not_convicted_however_short_its_window_is(name, size):
+    """Its samples are rounded, by up to 5e14 times its length."""
+    check, random = MotionCheck(DYNAMICS[name], DEFECT), np.random.default_rng(0)
+    true = windows(DYNAMICS[name], 0.0, 0.0, 2000, random, shortest=2.0**-53, size=size)
+    assert (check.excess(*true) <= 0.0).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [0.0, 3.0])
+def test_nor_within_the_shortest_window_of_all(size):
+    T, own = 5e-324, DYNAMICS["single integrator"]
+    x, u = np.full((1, 2), size), np.array([[[0.3, -3.0]]])
+    excess = MotionCheck(own, DEFECT).excess(x, x + T * u[:, 0], u, np.array([[T]]))
+    assert excess <= 0.0
+
+
 def test_the_bound_is_used_up_by_a_steady_disturbance():
     check = MotionCheck(DYNAMICS["single integrator"], 1.0)
     true = windows(DYNAMICS["single integrator"], 1.0, 0.0, 400, np.random.default_rng(0))
@@ -42,13 +61,14 @@ def test_the_bound_is_used_up_by_a_steady_disturbance():
     assert (smaller.excess(*true) > 0.0).any()
 
 
-def test_a_lie_of_more_than_twice_the_bound_is_convicted_in_its_window():
-    own, x = DYNAMICS["single integrator"], np.zeros((1, 2))
+@pytest.mark.parametrize(("away", "T"), [(0.0, 0.01), (0.0, 1e-9), (1e4, 0.01), (1e4, 1e-6)])
+def test_a_lie_of_more_than_twice_the_bound_is_convicted_in_its_window(away, T):
+    own, x = DYNAMICS["single integrator"], np.full((1, 2), away)
     check = MotionCheck(own, 1.0)
-    claimed, seconds = np.array([[[2.0, 0.0]]]), np.array([[0.01]])
+    claimed, seconds = np.array([[[2.0, 0.0]]]), np.array([[T]])
     for off, convicted in ((1.99, False), (2.01, True)):
         # The disturbance helps the liar as much as it can.
-        gone = 0.01 * np.array([[2.0 - off + 1.0, 0.0]])
+        gone = T * np.array([[2.0 - off + 1.0, 0.0]])
         assert (check.excess(x, x + gone, claimed, seconds) > 0.0) == convicted
 
 

@@ -42,18 +42,27 @@ def windows(
     random: np.random.Generator,
     longest: float = 0.04,
     false: float = 0.0,
+    shortest: float = 1e-3,
+    size: float = 3.0,
 ) -> Windows:
     """Motions of 1 to 40 ms in two parts, with a constant disturbance at its bound in each step.
 
-    false: the announced input is off by up to this share of U, in the second part.
+    Args:
+        false: the announced input is off by up to this share of U, in the second part.
+        shortest: least length [s]; below 1e-3 all orders of magnitude are as frequent.
+        size: of the states at most.
     """
     x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     rate = ca.Function("rate", [x, u], [dynamics.drift(x) + dynamics.actuation(x) @ u])
     n, chosen = x.numel(), corners(dynamics)
     weights = random.dirichlet(0.3 * np.ones(len(chosen)), size=(count, 2))
     inputs = weights @ chosen
-    state = random.uniform(-3.0, 3.0, size=(count, n))
-    seconds = random.uniform(5e-4, longest / 2.0, size=(count, 2))
+    state = random.uniform(-size, size, size=(count, n))
+    if shortest < 1e-3:
+        orders = np.log([shortest / 2.0, longest / 2.0])
+        seconds = np.exp(random.uniform(*orders, size=(count, 2)))
+    else:
+        seconds = random.uniform(shortest / 2.0, longest / 2.0, size=(count, 2))
     seconds[::7, 1] = 0.0
     # Of one direction throughout, which is worst, or of another in each step.
     steady = unit(random, (count, 1, n)) * np.ones((1, 2 * STEPS, 1))
