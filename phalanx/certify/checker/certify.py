@@ -40,7 +40,7 @@ from phalanx.certify.checker.coverage import (
     track,
 )
 from phalanx.certify.checker.intervals import UncertifiableError
-from phalanx.certify.checker.motions import GroupMotion, MotionCheck
+from phalanx.certify.checker.motions import GroupMotion, MotionCheck, require_digits
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 
@@ -155,6 +155,7 @@ class _Run:
 
         Raises UncertifiableError where they do not, and UndecidedError where that is not known.
         """
+        require_digits(self._times, self._x)
         checks = [MotionCheck(motion) for motion in self._motions]
         for member, part, g, held in zip(
             self._swarm.members, self._parts, self._group, self._held, strict=True

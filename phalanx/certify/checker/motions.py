@@ -29,14 +29,16 @@ _ENCLOSURES = 5
 _ACTUATOR = 2e-5
 """Allowance for inputs outside U: actuators accept 1e-5 beyond every face."""
 _DEFECT = 1e-4
-"""Allowed defect of a motion [1/s], as the plant takes Runge-Kutta steps. It counts as disturbance,
-for certificates too."""
+"""Allowed defect of a motion [1/s], as the plant takes Runge-Kutta steps; and as much again for the
+rounding of recorded states. Both count as disturbance for certificates."""
 _PIECES = (1, 4, 16, 64, 256)
 """Numbers of pieces into which a time is divided, in turn."""
 _ORDER = 5
 """Highest order of Taylor expansions."""
-_ROUNDING = 1e-12
-"""Allowed rounding error of a recorded state, relative to its size and to the distance moved."""
+_ROUNDING = 2.0**-48
+"""Allowed rounding error of a recorded state, relative to its largest component."""
+_STRETCH = 1e-3
+"""Time over which rounding errors are counted together [s]."""
 _TINY = 1e-150
 """Squares of smaller numbers underflow."""
 
@@ -58,8 +60,10 @@ class GroupMotion:
     def __init__(self, group: AgentGroup, latency: float) -> None:
         """Compile the bounds. Raises UndecidedError if the input polytope depends on the state."""
         dynamics: Dynamics = group.dynamics_object()
-        self.disturbance = float(np.nextafter(group.disturbance.bound + _DEFECT, np.inf))
+        self.pushed = float(np.nextafter(group.disturbance.bound + _DEFECT, np.inf))
         """φ^max, and the allowed defect of the plant's integration."""
+        self.disturbance = float(np.nextafter(self.pushed + _DEFECT, np.inf))
+        """The same, and what rounding may add."""
         self.longest = group.clock.period + group.clock.jitter + latency
         """Longest planned time between two inputs [s]."""
         self.x = ca.SX.sym("x", len(dynamics.states))
@@ -141,8 +145,6 @@ class Reached(NamedTuple):
     """The end without disturbance, shape (n, s)."""
     distance: Array
     """Largest distance from there with disturbance, shape (s,)."""
-    speed: Array
-    """Largest speed on the way, shape (s,)."""
     known: Mask
     """Whether these bounds are proven, shape (s,)."""
 
@@ -218,8 +220,7 @@ class MotionCheck:
             span = Interval(np.maximum(dt.lo[todo], 0.0), dt.hi[todo])
             found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
             off = norm(absolute(subtract(end[:, todo], found.y)))
-            way, size = span.hi * found.speed, np.abs(begin.lo[:, todo]).max(axis=0)
-            allowed = _TINY + found.distance + _ROUNDING * (size + way)
+            allowed = _TINY + found.distance + _rounding(begin.lo[:, todo], end.lo[:, todo])
             may[todo] = found.known & (off.hi <= allowed)
             beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
         return may, beyond
@@ -227,9 +228,9 @@ class MotionCheck:
     def reached(self, begin: Interval, u: Interval, T: Interval, pieces: int) -> Reached:
         """Bound motions from `begin`, shape (n, s), after T, shape (s,), divided into pieces."""
         h = multiply(T, point(1.0 / pieces))
-        y, distance, speed = begin, np.zeros_like(h.lo), np.zeros_like(h.lo)
+        y, distance = begin, np.zeros_like(h.lo)
         known = np.ones(h.lo.shape, dtype=bool)
-        phi = point(np.full((1, len(distance)), self._motion.disturbance))
+        phi = point(np.full((1, len(distance)), self._motion.pushed))
         for _ in range(pieces):
             within = self._motion.enclosed(add(y, Interval(-distance, distance)), u, h.hi)
             (rows,), _ = self._rows(within.box, u)
@@ -240,11 +241,10 @@ class MotionCheck:
             # Without a bound of J: a motion of h F within B, and the effect of φ.
             pushed = add(point(distance), multiply(phi[0], h)).hi
             distance = np.where(lipschitz, grown.hi[0], pushed)
-            speed = np.maximum(speed, norm(absolute(within.rates)).hi + self._motion.disturbance)
-            known &= within.known & np.isfinite(distance) & np.isfinite(speed)
+            known &= within.known & np.isfinite(distance)
             if not known.any():
                 break
-        return Reached(y, distance, speed, known)
+        return Reached(y, distance, known)
 
     def _undisturbed(
         self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Mask
@@ -261,6 +261,28 @@ class MotionCheck:
             if not left.any():
                 break
         return found
+
+
+def _rounding(before: Array, after: Array) -> Array:
+    """Return the allowed rounding errors of motions between states, shapes (n, s)."""
+    return _ROUNDING * np.maximum(np.abs(before), np.abs(after)).max(axis=0)
+
+
+def require_digits(t: Array, x: Array) -> None:
+    """Raise UndecidedError where all that is allowed for rounding is above _DEFECT in a second.
+
+    It is counted over _STRETCH, as events may be one float64 apart. t [s] and x: shapes (e,) and
+    (n, e).
+    """
+    errors = _rounding(x[:, :-1], x[:, 1:])
+    total = np.cumsum(errors)
+    first = np.searchsorted(t[1:], t[1:] - _STRETCH, side="right")
+    above = total - (total - errors)[first] > _DEFECT * _STRETCH
+    if above.any():
+        raise UndecidedError(
+            f"whether the agents move as recorded near t = {t[1:][above][0]:.6f} s: so many states "
+            "so far from the origin have too few digits"
+        )
 
 
 def _taylor(y: Interval, derivatives: Sequence[Interval], h: Interval) -> Interval:

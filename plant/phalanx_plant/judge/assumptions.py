@@ -45,8 +45,8 @@ class Assumptions:
         self._resolved = Assumption(
             "resolved motion",
             note=f"no integration step was off the equation of motion by more than {DEFECT:g} in "
-            "a second, which certificates allow for; a shorter time.integration_step and dynamics "
-            "without kinks bring it down",
+            "a second, which certificates allow for; a shorter time.integration_step, dynamics "
+            "without kinks and coordinates nearer to the origin bring it down",
         )
         self._inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
         self._prompt = Assumption(

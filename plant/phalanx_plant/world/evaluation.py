@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
+from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.rows import SafetyRows
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.relevant_pairs import RelevantPairs
-from phalanx_plant.world.resolution import Resolution
+from phalanx_plant.world.resolution import Resolution, Roundings
 from phalanx_plant.world.world import History, Segment
 
 _STATES_AT_ONCE = 64
@@ -45,6 +46,7 @@ class Evaluation:
         self._psi = LargestPsi(rows)
         self.pairs = RelevantPairs(swarm, self._psi.functions)
         self._resolution = swarm.shared(Resolution, lambda: Resolution(swarm))
+        self._roundings = Roundings(swarm.time.integration_step)
         rho, pairs = swarm.safety.rho, len(swarm.safe_set.pairs)
         self._sum = swarm.shared((LogSumExp, pairs), lambda: LogSumExp(rho, pairs))
 
@@ -62,7 +64,8 @@ class Evaluation:
         numbers, times = each[:, 0].astype(np.intp), each[:, 1] + each[:, 2] * ordinals
         x = np.concatenate([p.x for p in segments])
         positions = np.concatenate([p.p for p in segments])
-        resolved = self._resolution.resolves(segments).repeat(counts)
+        defects = self._resolution.defects(segments).repeat(counts)
+        resolved = defects + self._roundings.rates(times, x) <= DEFECT
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
             pairs, values, least = self.pairs(x[some], positions[some])

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
@@ -34,7 +34,7 @@ class Resolution:
     """The defects of a run's integration steps."""
 
     def __init__(self, swarm: Swarm) -> None:
-        members, self._longest = swarm.members, swarm.time.integration_step
+        members = swarm.members
         inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         self._groups = [
             (
@@ -46,12 +46,12 @@ class Resolution:
         ]
         """By dynamics: the bound, and its agents' indices of states, (r, n), and inputs, (r, m)."""
 
-    def resolves(self, segments: Sequence[Segment]) -> Mask:
-        """Return which segments have a proven defect of at most DEFECT, shape (p,)."""
+    def defects(self, segments: Sequence[Segment]) -> Array:
+        """Bound the defect of each segment's steps [1/s], shape (p,); inf or nan if unbounded."""
         # A bound for all holds for each, and is hardly ever too large.
-        if self.defect(segments) <= DEFECT:
-            return np.ones(len(segments), dtype=bool)
-        return np.array([self.defect([segment]) <= DEFECT for segment in segments])
+        if (largest := self.defect(segments)) <= 0.5 * DEFECT:
+            return np.full(len(segments), largest)
+        return np.array([self.defect([segment]) for segment in segments])
 
     def defect(self, segments: Sequence[Segment]) -> float:
         """Bound the defect of all steps of these segments [1/s]; inf or nan if there is none."""
@@ -64,7 +64,33 @@ class Resolution:
             places = states, inputs, states, states
             row = np.concatenate([*map(_over, ranges, places), [dt.max()]])
             found.append(largest(row, np.arange(len(row))[None])[0, 0])
-        return float(_ROUNDED / self._longest * np.abs(ranges[0]).max() + np.max(found))
+        return float(np.max(found))
+
+
+class Roundings:
+    """The rounding of a run's states as a rate, over the longest step that an integration takes.
+
+    Events may be one float64 apart, and steps with them. So each step counts, however short.
+    """
+
+    def __init__(self, longest: float) -> None:
+        """longest: of the steps [s]."""
+        self._longest = longest
+        self._times, self._errors = np.zeros((2, 0))
+        """Of the last steps, over that time."""
+
+    def rates(self, times: Array, x: Array) -> Array:
+        """Bound the rate until the end of each of the next s steps [1/s], shape (s,).
+
+        times [s] and states there, shapes (s,) and (s, n̄); all calls are in order.
+        """
+        t = np.concatenate([self._times, times])
+        errors = np.concatenate([self._errors, _ROUNDED * np.abs(x).max(axis=1)])
+        total, first = np.cumsum(errors), np.searchsorted(t, t - self._longest, side="right")
+        last = first[-1]
+        self._times, self._errors = t[last:], errors[last:]
+        rates: Array = (total - (total - errors)[first]) / self._longest
+        return rates[-len(times) :]
 
 
 def _range(values: Array) -> Array:

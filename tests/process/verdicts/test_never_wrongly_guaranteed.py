@@ -17,6 +17,7 @@ from phalanx_plant.run import PlantRun
 from phalanx_plant.world.world import Actuators
 
 from phalanx.certify.checker.certify import certify
+from phalanx.certify.checker.intervals import UndecidedError
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import pair_certificate
 from phalanx.guarantee.certificates import SwarmCertificates
@@ -455,3 +456,19 @@ def test_what_is_beyond_the_digits_of_a_state_is_not_guaranteed(tmp_path):
     summary, _ = judged(table, tmp_path, ahead(agent1=1.0))
     assert summary.outcome is Outcome.SAFE
     assert "resolved motion" in failed(summary)
+
+
+def test_what_every_short_step_rounds_away_is_not_guaranteed(tmp_path):
+    """1e8 m away agent 2 drives 5 nm in a step of 1 µs, which its position does not show.
+
+    It stands 500 nm off, and would be too near after 100 steps.
+    """
+    single = {"type": "single-integrator", "speed": 5e-3}
+    table = swarm([[1e8, 0.0], [1e8 + 1.0 + 5e-7, 0.0]], None, single, period=1e-6, duration=2e-4)
+    table["safety"]["function"]["radius"] = 1.0
+    summary, recording = judged(table, tmp_path, ahead(agent2=-5e-3))
+    assert recording.states[-1].x == recording.states[0].x
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"resolved motion"}
+    with pytest.raises(UndecidedError, match="digits"):
+        certify(load(table), recording.states, recording.steps)
