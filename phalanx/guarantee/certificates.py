@@ -22,6 +22,7 @@ from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
+from phalanx.theory.safety.kinds import PairKind
 from phalanx.theory.safety.pairs import spread
 
 QUIET = 2.0
@@ -127,9 +128,9 @@ class SwarmCertificates:
         """Compile a pair's kind, or take that of a view of the same swarm."""
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
-        text = self.pairs.kind_of(a, b).text
-        key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
         alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
+        text = PairKind(alone, self.pairs.degree).text
+        key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
         bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
 
         def compiled() -> _Kind:

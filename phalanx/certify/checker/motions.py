@@ -265,7 +265,8 @@ class MotionCheck:
 
 def _rounding(before: Array, after: Array) -> Array:
     """Return the allowed rounding errors of motions between states, shapes (n, s)."""
-    return _ROUNDING * np.maximum(np.abs(before), np.abs(after)).max(axis=0)
+    errors: Array = _ROUNDING * np.maximum(np.abs(before), np.abs(after)).max(axis=0)
+    return errors
 
 
 def require_digits(t: Array, x: Array) -> None:

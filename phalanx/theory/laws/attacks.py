@@ -100,16 +100,14 @@ class Chase:
         return CompiledFunction([self._chain.x, *symbols], [u])
 
     def _towards_each(self, targets: Sequence[Dynamics]) -> list[CompiledFunction]:
-        """Compile the input for the state of each target, once for equal dynamics."""
-        different: list[Dynamics] = []
-        for each in targets:
-            if each not in different:
-                different.append(each)
-        compiled = [
-            kept_for([self._dynamics, each], ("chase", self.gains), partial(self._to_state, each))
-            for each in different
-        ]
-        return [compiled[different.index(each)] for each in targets]
+        """Compile the input for the state of each target, once for each dynamics."""
+        compiled = {
+            number: kept_for(
+                [self._dynamics, each], ("chase", self.gains), partial(self._to_state, each)
+            )
+            for number, each in {id(each): each for each in targets}.items()
+        }
+        return [compiled[id(each)] for each in targets]
 
     def _to_state(self, target: Dynamics) -> CompiledFunction:
         chain = output_chain(target)
@@ -203,7 +201,7 @@ class WorstLookahead:
         joined, motions = copy(self), dict[int, _Motion]()
         for l, member in enumerate(members):
             if l == i or not member.adversary:
-                same = (each for each in motions.values() if each.dynamics == member.dynamics)
+                same = (each for each in motions.values() if each.dynamics is member.dynamics)
                 make = partial(_Motion, member.dynamics, self.horizon)
                 motions[l] = next(same, None) or kept_for([member.dynamics], self.horizon, make)
         joined._motions = motions

@@ -4,6 +4,7 @@ Also the check of a user's dynamics (names, shapes and weights), and their integ
 """
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
@@ -166,6 +167,24 @@ def _require_metric(dynamics: Dynamics, m: int) -> None:
         right = False
     if not right:
         raise MistakenMethodError(dynamics, "input_metric", expected, repr(weights))
+
+
+def motion_texts(dynamics: Sequence[Dynamics]) -> list[str]:
+    """Serialize each one's expressions of x' and of the output position, to compare dynamics.
+
+    Equality does not tell: a user's dataclass may leave fields out of it.
+    """
+    different = {id(each): each for each in dynamics}
+    texts = {number: _motion_text(each) for number, each in different.items()}
+    return [texts[id(each)] for each in dynamics]
+
+
+def _motion_text(dynamics: Dynamics) -> str:
+    x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
+    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
+    outputs = [ca.densify(rate), ca.densify(dynamics.position(x))]
+    found: str = ca.Function("motion", [x, u], outputs).serialize()
+    return found
 
 
 def weighted_rates(

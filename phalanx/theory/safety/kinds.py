@@ -16,6 +16,7 @@ from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.portable import factor_out
 from phalanx.theory.expressions.user_methods import is_built_in
+from phalanx.theory.models.dynamics import motion_texts
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction, Static
@@ -162,19 +163,14 @@ def parameters_of(obstacle: Static) -> Array:
 
 
 def member_classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
-    """Classes of members with equal dynamics and side: the first of each; each member's class."""
-    classes: list[Member] = []
-    found = []
-    for member in members:
-        equal = (
-            number
-            for number, other in enumerate(classes)
-            if other.adversary == member.adversary and other.dynamics == member.dynamics
-        )
-        found.append(next(equal, len(classes)))
-        if found[-1] == len(classes):
-            classes.append(member)
-    return classes, np.array(found)
+    """Classes of members of equal motion, states and side: the first of each; each one's class."""
+    texts = motion_texts([m.dynamics for m in members])
+    each = [
+        (text, tuple(m.dynamics.states), m.adversary)
+        for text, m in zip(texts, members, strict=True)
+    ]
+    classes = {key: number for number, key in enumerate(dict.fromkeys(each))}
+    return [members[each.index(key)] for key in classes], np.array([classes[key] for key in each])
 
 
 def kind_table(

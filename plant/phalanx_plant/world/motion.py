@@ -8,7 +8,7 @@ import numpy as np
 
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
-from phalanx.theory.models.dynamics import Dynamics, weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
 from phalanx.theory.safety.composition import Member
 
 
@@ -111,21 +111,10 @@ def _offsets(sizes: Sequence[int]) -> Index:
 
 def by_dynamics(members: Sequence[Member]) -> list[list[int]]:
     """Group members that have the same equation of motion; their input bounds may differ."""
-    different = {id(m.dynamics): m.dynamics for m in members}
-    text = {number: motion_text(dynamics) for number, dynamics in different.items()}
     found: dict[str, list[int]] = {}
-    for i, m in enumerate(members):
-        found.setdefault(text[id(m.dynamics)], []).append(i)
+    for i, text in enumerate(motion_texts([m.dynamics for m in members])):
+        found.setdefault(text, []).append(i)
     return list(found.values())
-
-
-def motion_text(dynamics: Dynamics) -> str:
-    """Serialize the expressions of x' and of the output position, to compare dynamics."""
-    x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
-    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
-    outputs = [ca.densify(rate), ca.densify(dynamics.position(x))]
-    found: str = ca.Function("motion", [x, u], outputs).serialize()
-    return found
 
 
 def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:

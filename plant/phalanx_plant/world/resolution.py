@@ -21,9 +21,9 @@ from phalanx.theory.expressions.interval import Interval, UnboundedOperationErro
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
-from phalanx.theory.models.dynamics import Dynamics, weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
 from phalanx.theory.safety.composition import stacked_slices
-from phalanx_plant.world.motion import by_dynamics, motion_text
+from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import Segment
 
 _ROUNDED = 2.0**-50
@@ -106,7 +106,7 @@ def _over(ends: Array, places: Index) -> Array:
 
 def _defect_of(dynamics: Dynamics) -> MappedFunction:
     # Another run of this process may have had such dynamics.
-    return kept(("defect", motion_text(dynamics)), lambda: _defect(dynamics))
+    return kept(("defect", *motion_texts([dynamics])), lambda: _defect(dynamics))
 
 
 @outwards()

@@ -4,7 +4,7 @@ Each class has `f`, `g`: the same expressions in plain numpy, written apart from
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -53,6 +53,16 @@ class Drifter:
 
     def g(self, x: Array) -> Array:
         return np.array([[1.0 + x[1] ** 2, 0.5], [np.sin(x[2]), 2.0], [x[0], 1.0]])
+
+
+@dataclass(frozen=True)
+class Boosted(SingleIntegrator):
+    """A single integrator that moves faster than its input, and equals a slower one by `==`."""
+
+    gain: float = field(default=1.0, compare=False)
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        return self.gain * super().actuation(x)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import Member
+from tests.unit.theory.users_own import Boosted
 
 SLOW, FAST = Unicycle(2.0, 1.0), Unicycle(4.0, 2.0)
 
@@ -54,3 +55,12 @@ def test_it_takes_the_target_that_it_can_come_closest_to():
 
 def test_without_a_target_in_sight_it_applies_a_corner():
     assert attack({0: [0.0, 0.0, 0.0]}, []) == [-2.0, -1.0]
+
+
+def test_targets_that_are_equal_but_move_otherwise_have_motions_of_their_own():
+    members = [Member(str(l), Boosted(1.0, gain=g), l == 0) for l, g in enumerate((1.0, 1.0, 9.0))]
+    law = WorstLookahead(1.0)
+    law.prepare(members[0].dynamics)
+    motions, right = law.join(0, members, ())._motions, np.array([[1.0, 0.0]])
+    ends = [motions[l](np.zeros(2), right, right)[0, -1, 0] for l in (1, 2)]
+    assert ends == pytest.approx([1.0, 9.0])
