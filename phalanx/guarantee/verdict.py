@@ -158,9 +158,10 @@ class TrustSummary(msgspec.Struct):
         fastest = {each.of: min(f.after or 0.0 for f in found if f.of == each.of) for each in found}
         betrayals = ", ".join(f"{name} from {t:.3f} s on" for name, t in self.betrayals.items())
         delays = ", ".join(f"{name} after {1e3 * t:.0f} ms" for name, t in fastest.items())
+        count, by = len(self.convictions), len({each.by for each in self.convictions})
         return [
             ("betrayals", betrayals or "none"),
-            ("convictions", f"{len(self.convictions)} by {len({c.by for c in found})} agents"),
+            ("convictions", f"{count} by {by} agent{'s' * (by != 1)}"),
             ("first convicted", delays or "none"),
             ("false convictions", str(self.false)),
         ]

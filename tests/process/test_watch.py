@@ -88,7 +88,17 @@ def test_a_hijack_is_an_event_of_both_that_see_it_and_of_one_trajectory():
     assert calm.trajectory == runs[0].summary.trajectory
 
 
-def test_a_stuck_actuator_is_convicted_too_though_it_did_not_mean_to():
-    stuck = {"kind": "actuator", "at": 0.5, "for": 0.5, "agents": ["2"]}
-    found = trust("unicycles", faults=[stuck])
-    assert {each.of for each in found.convictions} <= {"2"}
+ACTUATORS = {
+    "stuck": {"faults": [{"kind": "actuator", "at": 0.0, "for": 0.3, "agents": ["2"]}]},
+    "late": {"network.actuation": {"delay": 0.004}},
+}
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_who_holds_another_input_than_it_announced_is_not_convicted_falsely(name):
+    """It did not mean to: its actuator is stuck, or late."""
+    found = trust("unicycles", duration=0.3, **ACTUATORS[name])
+    assert {"2"} <= {each.of for each in found.convictions} <= set(found.betrayals)
+    assert found.false == 0
+    count = len({each.by for each in found.convictions})
+    assert dict(found.rows)["convictions"] == f"{len(found.convictions)} by {count} agents"

@@ -16,6 +16,7 @@ from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx.wire.messages import Telemetry
+from phalanx_plant.judge.claims import Claims
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
 from phalanx_plant.world.world import Actuators, DisturbanceKnot
@@ -28,10 +29,10 @@ _ROUNDING = 1e-9
 class Assumptions:
     """The assumptions of one run, checked at every event."""
 
-    def __init__(self, rows: SafetyRows, certificates: Assumption, broadcasts: Assumption) -> None:
+    def __init__(self, rows: SafetyRows, certificates: Assumption, claims: Claims) -> None:
         """Begin at x(0); certificates and broadcasts are checked elsewhere."""
         swarm = self._swarm = rows.swarm
-        self._certificates, self._broadcasts = certificates, broadcasts
+        self._certificates, self._claims = certificates, claims
         self._start = Assumption("start in S", note="every pair is safe at the start")
         self._start_kept = Assumption(
             "start in S_I", note="every agent starts where the safe set can be kept"
@@ -57,7 +58,8 @@ class Assumptions:
         )
         self._fresh = Assumption(
             "received inputs in force",
-            note="every received input that a row counted on was being applied",
+            note="every received input that a row counted on was being applied: its time was that "
+            "of the sender's input, and no false broadcast had claimed it",
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
         self._each_alone = swarm.safety.information is Information.UNKNOWN
@@ -123,7 +125,7 @@ class Assumptions:
         if safety.centralised:
             return [*found, self._synchronous]
         believed = safety.counts_on_received and self._filtered
-        return [*found, self._fresh, self._broadcasts] if believed else found
+        return [*found, self._fresh, self._claims.truthful] if believed else found
 
     def add(self, piece: DisturbanceKnot | WorldNote) -> None:
         """Check a disturbance, or what a world says of its motion."""
@@ -223,7 +225,8 @@ class Assumptions:
             self._rows.check(telemetry.report.origin not in (*EMPTY, Origin.LONGEST), t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
-            self._fresh.check(abs(self._in_force[other] - (t - age)) <= _ROUNDING, t)
+            held = abs(self._in_force[other] - (t - age)) <= _ROUNDING
+            self._fresh.check(held and not self._claims.misled(event.i, other, t - age), t)
 
 
 def _proven_margin(swarm: Swarm) -> Assumption:

@@ -65,7 +65,7 @@ class Judge:
         self.coverage = Coverage(swarm)
         self.coverage.begin(swarm.start())
         self.claims = Claims(swarm)
-        self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims.truthful)
+        self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims)
         self.steps = 0
         """Inputs applied."""
         self.origins = {str(o): 0 for o in origins_of_normal(swarm.controllers, swarm.safety.prove)}
@@ -224,7 +224,7 @@ class Judge:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
         telemetry, received, notices = self._report(i, event.k, event.t)
         origin = telemetry.report.origin
-        self.claims.add_truth(i, event.k, Claim(event.t + self._latency, u))
+        self.claims.add_truth(i, event.k, Claim(event.t + self._latency, u), event.t_apply)
         self.assumptions.applied(event, telemetry)
         self.steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
@@ -241,8 +241,8 @@ class Judge:
 
     def _lost(self, event: InputLost) -> Judged:
         _, received, notices = self._report(event.i, event.k, event.sampled)
-        truth = Claim(event.sampled + self._latency, tuple(event.u.tolist()))
-        self.claims.add_truth(event.i, event.k, truth)
+        planned = Claim(event.sampled + self._latency, tuple(event.u.tolist()))
+        self.claims.add_truth(event.i, event.k, planned, np.inf)
         self.assumptions.lost(event)
         notices += self._warn_once(event.t, f"agent {self._names[event.i]}: first input lost")
         return Judged(event, notices, received=received)
@@ -261,13 +261,15 @@ class Judge:
         """Agent i's report on its sample k at t [s], the broadcasts in it, and warnings."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected
-        received = [(fate, self.claims.check(i, fate, t)) for fate in telemetry.fates]
+        # An adversary may accuse whom it likes.
+        believed = i in self._swarm.normal and i not in self._turned
+        received = [(fate, self.claims.check(i, fate, t, believed)) for fate in telemetry.fates]
         notices = list[Log]()
         for fate, found in received:
             if found.false:
                 sender = self._names[fate.sender]
                 notices += self._warn_once(t, f"agent {sender}: first false broadcast")
-        for conviction in telemetry.convictions:
+        for conviction in telemetry.convictions if believed else ():
             notices.append(self._conviction(i, t, conviction))
         return telemetry, received, notices
 

@@ -68,27 +68,26 @@ class Resolution:
 
 
 class Roundings:
-    """The rounding of a run's states as a rate, over the longest step that an integration takes.
+    """The rounding of a run's states as a rate, over the longest step's time.
 
-    Events may be one float64 apart, and steps with them. So each step counts, however short.
+    Events may be one float64 apart, and steps with them: each one counts, however short.
     """
 
     def __init__(self, longest: float) -> None:
         """longest: of the steps [s]."""
-        self._longest = longest
-        self._times, self._errors = np.zeros((2, 0))
-        """Of the last steps, over that time."""
+        self._longest, self._recent = longest, np.zeros((2, 0))
+        """Times [s] and errors of the steps within that time."""
 
     def rates(self, times: Array, x: Array) -> Array:
         """Bound the rate until the end of each of the next s steps [1/s], shape (s,).
 
         times [s] and states there, shapes (s,) and (s, n̄); all calls are in order.
         """
-        t = np.concatenate([self._times, times])
-        errors = np.concatenate([self._errors, _ROUNDED * np.abs(x).max(axis=1)])
+        before = self._recent[:, self._recent[0] < times[0]]  # the last events may be judged again
+        known = np.hstack([before, [times, _ROUNDED * np.abs(x).max(axis=1)]])
+        t, errors = known
         total, first = np.cumsum(errors), np.searchsorted(t, t - self._longest, side="right")
-        last = first[-1]
-        self._times, self._errors = t[last:], errors[last:]
+        self._recent = known[:, first[-1] :]
         rates: Array = (total - (total - errors)[first]) / self._longest
         return rates[-len(times) :]
 

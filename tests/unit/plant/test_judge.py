@@ -17,6 +17,7 @@ from phalanx_plant.world.world import DisturbanceKnot, DivergedError, Segment
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
+from phalanx.network.inbox import Claim, Fate
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
@@ -41,9 +42,9 @@ def judge_of(*overrides: str) -> ReportedTo:
     return ReportedTo("unicycles", *overrides)
 
 
-def report(origin: Origin = Origin.QP, k: int = 0, ages=()) -> Telemetry:
+def report(origin: Origin = Origin.QP, k: int = 0, ages=(), **fields) -> Telemetry:
     made = StepReport(origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
-    return Telemetry(k=k, report=made, ages=ages)
+    return Telemetry(k=k, report=made, ages=ages, **fields)
 
 
 def apply(
@@ -55,9 +56,13 @@ def apply(
     origin: Origin = Origin.QP,
     t_apply: float | None = None,
     u: tuple[float, float] = (0.0, 0.0),
+    **fields,
 ) -> None:
-    """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s]."""
-    judge.reports[i, k] = report(origin, k, ages)
+    """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s].
+
+    fields: more of its report on it.
+    """
+    judge.reports[i, k] = report(origin, k, ages, **fields)
     x = rows_of_scenario("unicycles").swarm.start()
     judge.happen(InputApplied(i, k, t, t if t_apply is None else t_apply, np.array(u), x))
 
@@ -118,6 +123,35 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     assert counted(judge, "received inputs in force") == (1, 2, 0.015)
     apply(judge, 0, k=2, t=0.025, ages=((1, 0.015),))
     assert counted(judge, "received inputs in force") == (1, 3, 0.015)
+
+
+def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is():
+    """Agent 2 tells agent 1 another input than it holds, and agent 3 the truth."""
+    judge = judge_of()
+    apply(judge, 1, t=0.0, u=(1.0, 0.0))
+    for i, said in ((0, -1.0), (2, 1.0)):
+        fates = (Fate(1, 0, 0.0, (), Claim(0.0, (said, 0.0))),)
+        apply(judge, i, t=0.005, ages=((1, 0.005),), fates=fates)
+    assert counted(judge, "received inputs in force") == (1, 2, 0.005)
+    assert counted(judge, "truthful broadcasts") == (1, 2, 0.005)
+
+
+CONVICTED = {"convictions": ((1, 0.0, 0.01, 2.0),)}
+
+
+def test_a_conviction_counts_if_a_normal_agent_reports_it():
+    """Agent 4 is an adversary, and agent 3 turns; both say of agent 2 what agent 1 says."""
+    judge = judge_of("safety.watch=true")
+    command(judge, CommandKind.TURN, 2)
+    for i in (0, 2, 3):
+        apply(judge, i, t=0.01, **CONVICTED)
+    assert judge.trust is not None
+    assert [(each.by, each.of) for each in judge.trust.convictions] == [("1", "2")]
+    assert judge.trust.rows[1:] == [
+        ("convictions", "1 by 1 agent"),
+        ("first convicted", "none"),
+        ("false convictions", "1"),
+    ]
 
 
 @pytest.mark.slow
