@@ -60,7 +60,7 @@ class Keeper:
         for event in instant:
             if isinstance(event, InputApplied):
                 self.steps += 1
-                if event.t == 0.0:  # the first samples compile what is compiled at first use
+                if event.t_sample == 0.0:  # the first samples compile what is compiled at first use
                     self.began = time.perf_counter()
 
 

@@ -219,7 +219,7 @@ class CertifiedStart(NamedTuple):
     """Reasons, by label, of pairs that no input can certify."""
     agents: dict[str, bool]
     """By normal agent: True if an input was found at x(0) with which all its pairs are proven safe
-    until its next sample."""
+    until another may replace it at the earliest: less does not do in any run."""
 
     @property
     def holds(self) -> bool:

@@ -94,7 +94,7 @@ class Assumptions:
         """Time at which each agent's input took effect [s]."""
         self._actuators = swarm.shared(Actuators, lambda: Actuators(swarm))
         self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
-        """Zeros that actuators hold, for agents that have had no input."""
+        """Zeros that actuators hold from t = 0 on, until they are checked."""
         self._sampled: dict[int, tuple[float, Array]] = {}
         """Time of each agent's last sample [s], and the true state at it."""
         self._instants: dict[int, float] = {}
@@ -165,13 +165,14 @@ class Assumptions:
             self._disturbance.note = f"{_WITHIN}; the most above was {most}"
 
     def reached(self, event: StateReached) -> None:
-        """Check the actuators that have held zero since t = 0, and store the state.
+        """Check once each actuator that has held zero since t = 0, and store the state.
 
         At the end of the run also how long ago each normal agent's last sample was.
         """
         if event.t > 0.0:
             for i, zero in self._at_zero.items():
                 self._inputs.check(self._actuators.takes(i, self._x[self._parts[i]], zero), 0.0)
+            self._at_zero = {}
         self._x = event.x
         if event.t >= self._swarm.scenario.duration:
             for i in self._sampling:
@@ -201,7 +202,7 @@ class Assumptions:
 
     def applied(self, event: InputApplied, telemetry: Telemetry) -> None:
         """Check an input at the time it took effect."""
-        i, t, t_apply = event.i, event.t, event.t_apply
+        i, t, t_apply = event.i, event.t_sample, event.t_apply
         self._prompt.check(t_apply - t <= self._latency + _ROUNDING, t_apply)
         if i in self._swarm.normal:
             if telemetry.report.origin == Origin.ATTACK:
@@ -209,18 +210,17 @@ class Assumptions:
             else:
                 self._made(event, telemetry)
         self._in_force[i] = t_apply
-        if i in self._at_zero:
-            del self._at_zero[i]
+        self._at_zero.pop(i, None)
         x = self._sampled[i][1] if i in self._sampled else self._x
         self._inputs.check(self._actuators.takes(i, x[self._parts[i]], event.u), t_apply)
 
     def lost(self, event: InputLost) -> None:
         """Record that an input never reached its actuator."""
-        self._prompt.check(False, event.t)
+        self._prompt.check(False, event.t_due)
 
     def _made(self, event: InputApplied, telemetry: Telemetry) -> None:
         """Check the control step of a normal agent."""
-        t = event.t
+        t = event.t_sample
         if telemetry.report.origin not in OF_CONTROLLERS:
             self._rows.check(telemetry.report.origin not in (*EMPTY, Origin.LONGEST), t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)

@@ -222,9 +222,9 @@ class Judge:
 
     def _applied(self, event: InputApplied, proven: Array) -> Judged:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
-        telemetry, received, notices = self._report(i, event.k, event.t)
+        telemetry, received, notices = self._report(i, event.k, event.t_sample)
         origin = telemetry.report.origin
-        self.claims.add_truth(i, event.k, Claim(event.t + self._latency, u), event.t_apply)
+        self.claims.add_truth(i, event.k, Claim(event.t_sample + self._latency, u), event.t_apply)
         self.assumptions.applied(event, telemetry)
         self.steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
@@ -240,11 +240,11 @@ class Judge:
         return Judged(event, notices, made=(step, telemetry), received=received)
 
     def _lost(self, event: InputLost) -> Judged:
-        _, received, notices = self._report(event.i, event.k, event.sampled)
-        planned = Claim(event.sampled + self._latency, tuple(event.u.tolist()))
+        _, received, notices = self._report(event.i, event.k, event.t_sample)
+        planned = Claim(event.t_sample + self._latency, tuple(event.u.tolist()))
         self.claims.add_truth(event.i, event.k, planned, np.inf)
         self.assumptions.lost(event)
-        notices += self._warn_once(event.t, f"agent {self._names[event.i]}: first input lost")
+        notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
         return Judged(event, notices, received=received)
 
     def _lost_member(self, event: MemberLost) -> Judged:

@@ -98,7 +98,7 @@ class Recorder:
         return Step(
             agent=names[event.i],
             k=event.k,
-            t=event.t,
+            t=event.t_sample,
             t_apply=event.t_apply,
             ages=[(names[l], age) for l, age in telemetry.ages],
             fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in received],

@@ -46,8 +46,8 @@ class InputApplied(Struct, frozen=True):
 
     i: int
     k: int
-    t: float
-    """t_i^k of the sample [s]."""
+    t_sample: float
+    """t_i^k [s]."""
     t_apply: float
     """[s]"""
     u: Array
@@ -59,14 +59,14 @@ class InputApplied(Struct, frozen=True):
 
 
 class InputLost(Struct, frozen=True):
-    """The input that answers sample k, due at t, never reached its actuator."""
+    """The input that answers sample k never reached its actuator."""
 
     i: int
     k: int
-    sampled: float
-    """t_i^k of the sample [s]."""
-    t: float
-    """[s]"""
+    t_sample: float
+    """t_i^k [s]."""
+    t_due: float
+    """When it was due, or, in real time, had come from its agent if that is later [s]."""
     u: Array
     """Native input, shape (m_i,)."""
 

@@ -355,8 +355,9 @@ def test_what_actuators_hold_before_their_first_input_has_to_be_in_u_too():
     judge.happen(StateReached(0.0, start, []))
     assert counted(judge, "admissible inputs")[0] == 0, "no time has passed"
     apply(judge, 0, u=(2.0, 0.0))
-    judge.happen(StateReached(0.01, start, []))
-    assert counted(judge, "admissible inputs")[0] == 2
+    for t in (0.01, 0.02, 0.03):
+        judge.happen(StateReached(t, start, []))
+    assert counted(judge, "admissible inputs") == (2, 5, 0.0), "one check of each agent's input"
 
 
 class Going(Unicycle):
