@@ -47,7 +47,7 @@ class SafetyValues:
         return range(1, self.rows.relative_degree)
 
     def higher_psi(self, x: Array) -> Array:
-        """Largest ψ_k over all that normal agents keep, for each of psi_levels."""
+        """Largest ψ_k of all pairs, each alone or composed, for each of psi_levels."""
         if not self.psi_levels:
             return np.zeros(0)
         largest: Array = self._invariants(x).reshape(-1, self.rows.relative_degree).max(axis=0)
@@ -55,7 +55,7 @@ class SafetyValues:
 
     @cached_property
     def _invariants(self) -> Callable[[Array], Array]:
-        return self.rows.invariants()
+        return self.rows.invariants_of_all()
 
     @cached_property
     def _single(self) -> Callable[[int], ChosenPairs]:

@@ -245,8 +245,8 @@ def _certificate_advice(report: CheckReport) -> list[str]:
     if begin and certified.safe:
         words.append(
             f"No guarantee: at the start {', '.join(begin)} has no input with which all its pairs "
-            "are proven safe until its next sample may come. Let agents start farther apart, or lower "
-            "disturbance.bound, clock.period or time.latency."
+            "are proven safe until its next sample may come. Let agents start farther apart, or "
+            "lower disturbance.bound, clock.period or time.latency."
         )
     return words
 

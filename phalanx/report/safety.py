@@ -79,7 +79,10 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
 
 
 def psi(history: RecordedHistory) -> Figure | None:
-    """Draw the largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where q = 1."""
+    """Draw the largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where q = 1.
+
+    *Stayed in S_I* has the largest of all integration steps, of which these states are few.
+    """
     levels = history.values.psi_levels
     if not levels:
         return None
@@ -93,9 +96,6 @@ def psi(history: RecordedHistory) -> Figure | None:
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, values, 0.0, where=values > 0.0, color=PEAK, alpha=0.5)
         axes.set_ylabel(f"largest $\\psi_{k}$ [{unit_of_psi(history.scenario, k) or 'SI'}]")
-        at = int(values.argmax())
-        colour = PEAK if values[at] > 0.0 else LIMIT
-        style.title(axes, f"largest {values[at]:.4g} at {t[at]:.3f} s", colour)
     return figure
 
 

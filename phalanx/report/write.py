@@ -137,7 +137,8 @@ _SAFETY = (
     "since the event before. A pair is safe at or below zero. h_tot lies above the largest h."
 )
 _PSI = (
-    "The largest ψ_k of the chain over all that normal agents keep, as the scenario composes it. "
+    "The largest ψ_k of all pairs, each alone or composed; the table says under stayed in S_I how "
+    "large it was at any integration step. "
     "The theorem assumes a start in S_I, where every ψ_k is at or below zero, and proves that the "
     "run stays there."
 )

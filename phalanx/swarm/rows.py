@@ -227,19 +227,24 @@ class SafetyRows:
         return ShareMargin(self._by_derivatives, self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
-        """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as the scenario composes them."""
-        swarm = self.swarm
-        if swarm.safety.pairwise:
-            psi = self.pair_psi.choose(swarm.pairs.every)
-            return lambda x: psi(x).ravel()
+        """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as each agent composes them."""
+        swarm, safety = self.swarm, self.swarm.safety
+        if safety.pairwise or (safety.information.reads_roles and not swarm.limited):
+            return self.invariants_of_all()
         # With limited sensing, or its own pairs alone, every agent composes its own set.
-        each = swarm.limited or not swarm.safety.information.reads_roles
         views = [
             (i, view.composed.of(i, swarm.sensing(i), by_kind=view._by_kind))
-            for i in (swarm.normal if each else swarm.normal[:1])
+            for i in swarm.normal
             for view in [self.seen_by(i)]
         ]
         return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
+
+    def invariants_of_all(self) -> Callable[[Array], Array]:
+        """Return the same of all pairs, whichever agents see them: what *stayed in S_I* is of."""
+        if self.swarm.safety.pairwise:
+            psi = self.pair_psi.choose(self.swarm.pairs.every)
+            return lambda x: psi(x).ravel()
+        return self.composed.of(self.swarm.normal[0], None, by_kind=self._by_kind).psi
 
     def _eta(self, i: int) -> float:
         """Return η(Γ_i + δ^max) of agent i, given or from constants."""

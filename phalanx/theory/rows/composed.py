@@ -187,7 +187,7 @@ class ObstaclesInSight:
         if radius is None or not self._obstacles:
             return None
         for known, its_radius, function in self._compiled:
-            if its_radius == radius and known == dynamics:
+            if its_radius == radius and known is dynamics:
                 return function
         x = ca.SX.sym("x", len(dynamics.states))
         p = dynamics.position(x)

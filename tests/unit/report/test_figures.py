@@ -143,7 +143,7 @@ def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
     assert safety.psi(ReportHistory(recording)) is None
 
 
-def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> None:
+def test_psi_1_of_a_pair_that_closes_in_is_drawn_at_each_state() -> None:
     rows = rows_of_scenario("disturbance-gap")
     swarm, x = rows.swarm, rows.swarm.start()
     states = [State(0.1 * k, (x + 0.1 * k).tolist(), -1.0) for k in range(5)]
@@ -153,4 +153,4 @@ def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> 
     (axes,) = figure.axes
     expected = [rows.invariants()(np.array(s.x)).reshape(-1, 2)[:, 1].max() for s in states]
     assert list(axes.lines[0].get_ydata()) == pytest.approx(expected)
-    assert f"largest {max(expected):.4g}" in axes.get_title(loc="right")
+    assert not axes.get_title(loc="right"), "the largest of all steps may be another"

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 
+from phalanx.curves.values import SafetyValues
 from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
@@ -70,7 +71,7 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
         ("unicycles", "paper"),
     ],
 )
-def test_the_truths_largest_psi_is_that_of_the_chains(name, margin):
+def test_the_truths_largest_psi_is_that_of_the_chains_and_of_reports_and_viewers(name, margin):
     """Compare chains of h_tot, or of every pair alone; D_1 is within ψ_1 where it is computed."""
     rows = rows_of_scenario(name, f"safety.margin={margin}", "safety.eta=0.0")
     composed = rows.swarm.safe_set
@@ -82,6 +83,8 @@ def test_the_truths_largest_psi_is_that_of_the_chains(name, margin):
     if rows.relative_degree == 1:
         assert found.shape == (0,)
         return
+    drawn = [SafetyValues(rows).higher_psi(state).item() for state in x]
+    assert found == pytest.approx(drawn, rel=1e-11)
     chains = [rows.chain]
     if rows.swarm.safety.pairwise:
         chains = [rows.pair_chain(k) for k in range(len(composed.pairs))]
