@@ -55,7 +55,7 @@ class SafetyValues:
 
     @cached_property
     def _invariants(self) -> Callable[[Array], Array]:
-        return self.rows.invariants_of_all()
+        return self.rows.invariants(of_all=True)
 
     @cached_property
     def _single(self) -> Callable[[int], ChosenPairs]:

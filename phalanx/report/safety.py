@@ -79,10 +79,7 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
 
 
 def psi(history: RecordedHistory) -> Figure | None:
-    """Draw the largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where q = 1.
-
-    *Stayed in S_I* has the largest of all integration steps, of which these states are few.
-    """
+    """Draw the largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where q = 1."""
     levels = history.values.psi_levels
     if not levels:
         return None

@@ -226,25 +226,23 @@ class SafetyRows:
             return None
         return ShareMargin(self._by_derivatives, self.swarm.horizon(i))
 
-    def invariants(self) -> Callable[[Array], Array]:
-        """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as each agent composes them."""
+    def invariants(self, of_all: bool = False) -> Callable[[Array], Array]:
+        """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as the scenario composes them.
+
+        of_all: of all pairs together, whichever agents see them, as *stayed in S_I* has it.
+        """
         swarm, safety = self.swarm, self.swarm.safety
-        if safety.pairwise or (safety.information.reads_roles and not swarm.limited):
-            return self.invariants_of_all()
+        if safety.pairwise:
+            psi = self.pair_psi.choose(swarm.pairs.every)
+            return lambda x: psi(x).ravel()
+        if of_all or (safety.information.reads_roles and not swarm.limited):
+            return self.composed.of(swarm.normal[0], None, by_kind=self._by_kind).psi
         # With limited sensing, or its own pairs alone, every agent composes its own set.
         views = [
             (i, view.composed.of(i, swarm.sensing(i), by_kind=view._by_kind))
-            for i in swarm.normal
-            for view in [self.seen_by(i)]
+            for i, view in [(i, self.seen_by(i)) for i in swarm.normal]
         ]
         return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
-
-    def invariants_of_all(self) -> Callable[[Array], Array]:
-        """Return the same of all pairs, whichever agents see them: what *stayed in S_I* is of."""
-        if self.swarm.safety.pairwise:
-            psi = self.pair_psi.choose(self.swarm.pairs.every)
-            return lambda x: psi(x).ravel()
-        return self.composed.of(self.swarm.normal[0], None, by_kind=self._by_kind).psi
 
     def _eta(self, i: int) -> float:
         """Return η(Γ_i + δ^max) of agent i, given or from constants."""

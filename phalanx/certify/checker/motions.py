@@ -60,10 +60,8 @@ class GroupMotion:
     def __init__(self, group: AgentGroup, latency: float) -> None:
         """Compile the bounds. Raises UndecidedError if the input polytope depends on the state."""
         dynamics: Dynamics = group.dynamics_object()
-        self.pushed = float(np.nextafter(group.disturbance.bound + _DEFECT, np.inf))
-        """φ^max, and the allowed defect of the plant's integration."""
-        self.disturbance = float(np.nextafter(self.pushed + _DEFECT, np.inf))
-        """The same, and what rounding may add."""
+        self.disturbance = float(np.nextafter(group.disturbance.bound + 2 * _DEFECT, np.inf))
+        """φ^max, the allowed defect of the plant's integration, and what rounding may add."""
         self.longest = group.clock.period + group.clock.jitter + latency
         """Longest planned time between two inputs [s]."""
         self.x = ca.SX.sym("x", len(dynamics.states))
@@ -220,7 +218,8 @@ class MotionCheck:
             span = Interval(np.maximum(dt.lo[todo], 0.0), dt.hi[todo])
             found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
             off = norm(absolute(subtract(end[:, todo], found.y)))
-            allowed = _TINY + found.distance + _rounding(begin.lo[:, todo], end.lo[:, todo])
+            size = np.maximum(np.abs(begin.lo), np.abs(end.lo))[:, todo].max(axis=0)
+            allowed = _TINY + found.distance + _ROUNDING * size
             may[todo] = found.known & (off.hi <= allowed)
             beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
         return may, beyond
@@ -230,7 +229,7 @@ class MotionCheck:
         h = multiply(T, point(1.0 / pieces))
         y, distance = begin, np.zeros_like(h.lo)
         known = np.ones(h.lo.shape, dtype=bool)
-        phi = point(np.full((1, len(distance)), self._motion.pushed))
+        phi = point(np.full((1, len(distance)), self._motion.disturbance - _DEFECT))
         for _ in range(pieces):
             within = self._motion.enclosed(add(y, Interval(-distance, distance)), u, h.hi)
             (rows,), _ = self._rows(within.box, u)
@@ -263,26 +262,17 @@ class MotionCheck:
         return found
 
 
-def _rounding(before: Array, after: Array) -> Array:
-    """Return the allowed rounding errors of motions between states, shapes (n, s)."""
-    errors: Array = _ROUNDING * np.maximum(np.abs(before), np.abs(after)).max(axis=0)
-    return errors
-
-
 def require_digits(t: Array, x: Array) -> None:
-    """Raise UndecidedError where all that is allowed for rounding is above _DEFECT in a second.
+    """Raise UndecidedError where all that is allowed for rounding may be above _DEFECT in a second.
 
     It is counted over _STRETCH, as events may be one float64 apart. t [s] and x: shapes (e,) and
     (n, e).
     """
-    errors = _rounding(x[:, :-1], x[:, 1:])
-    total = np.cumsum(errors)
-    first = np.searchsorted(t[1:], t[1:] - _STRETCH, side="right")
-    above = total - (total - errors)[first] > _DEFECT * _STRETCH
-    if above.any():
+    number = np.arange(1, len(t) + 1) - np.searchsorted(t, t - _STRETCH, side="right")
+    if number.max() * _ROUNDING * np.abs(x).max() > _DEFECT * _STRETCH:
         raise UndecidedError(
-            f"whether the agents move as recorded near t = {t[1:][above][0]:.6f} s: so many states "
-            "so far from the origin have too few digits"
+            f"whether the agents move as recorded: {number.max()} states within {_STRETCH:g} s, "
+            "as far from the origin as these, have too few digits"
         )
 
 

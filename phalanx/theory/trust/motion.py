@@ -14,10 +14,9 @@ ends, up to the width of Σ (T_s / T) F_s. *Delay*: a lie that is off by δu for
 convicted in it if ‖g δu‖ is above 2 φ_l^max, plus that width.
 
 Both samples may be off by a sensor's error, in norm: 2 error / T is then allowed as well, and B
-contains every motion from the box around the first sample.
-
-*States are rounded*, by at most 2^-53 |x_n| a step, which in a short window is a high rate. In each
-of the s parts 16 steps are allowed for: s 2^-49 (Σ |x_n(0)| + Σ |x_n(T)|) / T in total.
+contains every motion from the box around the first sample. *States are rounded*, by 2^-53 |x_n| a
+step, a high rate in a short window. 16 steps in each of the s parts are allowed for: in total
+s 2^-49 (Σ |x_n(0)| + Σ |x_n(T)|) / T.
 """
 
 from collections.abc import Sequence

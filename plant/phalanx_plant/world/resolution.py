@@ -8,6 +8,7 @@ dynamics, and all steps passed in one call.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -38,11 +39,13 @@ class Resolution:
         inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         self._groups = [
             (
-                _defect_of(members[own[0]].dynamics),
+                # Another run of this process may have had such dynamics.
+                kept(("defect", *motion_texts([dynamics])), partial(_defect, dynamics)),
                 np.array([np.r_[swarm.safe_set.parts[l]] for l in own]),
                 np.array([np.r_[inputs[l]] for l in own]),
             )
             for own in by_dynamics(members)
+            for dynamics in [members[own[0]].dynamics]
         ]
         """By dynamics: the bound, and its agents' indices of states, (r, n), and inputs, (r, m)."""
 
@@ -101,11 +104,6 @@ def _over(ends: Array, places: Index) -> Array:
     """Minima and maxima over agents with components at these indices, (r, n); shape (2 n,)."""
     low, high = ends
     return np.concatenate([low[places].min(axis=0), high[places].max(axis=0)])
-
-
-def _defect_of(dynamics: Dynamics) -> MappedFunction:
-    # Another run of this process may have had such dynamics.
-    return kept(("defect", *motion_texts([dynamics])), lambda: _defect(dynamics))
 
 
 @outwards()
