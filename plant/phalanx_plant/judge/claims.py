@@ -59,7 +59,7 @@ class Claims:
                 self._compare(i, k, planned, receiver, claim, t)
 
     def check(self, receiver: int, fate: Fate, t: float, believed: bool = True) -> Finding:
-        """Check a broadcast that a receiver reports at t [s], if believed; a lost one says nothing."""
+        """Check a broadcast that a receiver reports at t [s], if believed; losses say nothing."""
         for fault in fate.faults:
             self.faults[fault] += 1
         if fate.claim is None or not believed:

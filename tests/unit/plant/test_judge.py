@@ -139,6 +139,7 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
 CONVICTED = {"convictions": ((1, 0.0, 0.01, 2.0),)}
 
 
+@pytest.mark.slow
 def test_a_conviction_counts_if_a_normal_agent_reports_it():
     """Agent 4 is an adversary, and agent 3 turns; both say of agent 2 what agent 1 says."""
     judge = judge_of("safety.watch=true")
