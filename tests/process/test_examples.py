@@ -19,7 +19,7 @@ SAYS = {
     "own_law.py": "guaranteed - largest h -",
     "plot.py": "worst pair",
     "step_by_step.py": "the same bits: True",
-    "study.py": "worst h_tot",
+    "study.py": "worst h",
     "verify.py": "bit-identical",
 }
 """What each prints at least."""

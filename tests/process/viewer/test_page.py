@@ -79,7 +79,7 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         wait_for(lambda: abs(time_shown(tab) - 3.0) < 0.05)
         tab.get_by_role("button", name="worst", exact=True).click()
         recording = read(finished)
-        worst = float(recording.times[int(np.argmax(recording.h_tot))])
+        worst = float(recording.times[int(np.argmax(recording.h))])
         wait_for(lambda: abs(time_shown(tab) - worst) < 0.002)
         tab.get_by_text("Certified for [τ], agent 1").wait_for()
         assert tab.get_by_text("Command", exact=True).count() == 0

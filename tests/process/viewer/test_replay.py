@@ -154,7 +154,7 @@ def test_the_marks_are_the_worst_moment_and_the_first_backup(
 ) -> None:
     marks = {mark.kind: mark.t for mark in plotted(replay).marks}
     worst = replay.frame(marks["worst"])
-    assert worst.h_tot == worst.worst_h == max(read(finished).h_tot)
+    assert worst.h == worst.worst_h == max(read(finished).h)
     backups = [s.t_apply for s in read(finished).steps if s.origin == "backup"]
     assert marks["backup"] == min(backups)
     assert sum(a.backups for a in replay.frame(marks["backup"]).agents) == 1
