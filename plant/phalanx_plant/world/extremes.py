@@ -29,13 +29,13 @@ class _Excursions:
     def __init__(self, composed: ComposedSet) -> None:
         self._composed = composed
         self._violations: dict[int, Violation] = {}
-        self._lasting: set[int] = set()
-        """Pairs that are outside."""
+        self.lasting: set[int] = set()
+        """Pairs that are outside now."""
         self._t = 0.0
 
     def add(self, times: Array, unsafe: Mapping[int, Array]) -> list[Crossing]:
         """Add steps at these times [s], with the h of each pair that is unsafe at one of them."""
-        self._t, lasting = float(times[-1]), self._lasting
+        self._t, lasting = float(times[-1]), self.lasting
         crossings = [Crossing(float(times[0]), pair, False) for pair in lasting - unsafe.keys()]
         for pair, h in unsafe.items():
             outside = ~(h <= 0.0)
@@ -51,14 +51,14 @@ class _Excursions:
 
     def end(self, pairs: Index, t: float) -> None:
         """End the excursions of these pairs at t [s]."""
-        for pair in self._lasting.intersection(pairs.tolist()):
+        for pair in self.lasting.intersection(pairs.tolist()):
             self._cross(t, pair, False)
 
     def _cross(self, t: float, pair: int, unsafe: bool) -> None:
         name = self._composed.label(self._composed.pairs[pair])
         first = Violation(name, t, -np.inf, t, 0.0, 0, t, None)
         violation = self._violations.setdefault(pair, first)
-        self._lasting ^= {pair}
+        self.lasting ^= {pair}
         if unsafe:
             violation.count, violation.begin, violation.end = violation.count + 1, t, None
         else:
@@ -149,14 +149,17 @@ class PairExtremes:
                 if h_tot > self.largest_h_tot:
                     self.largest_h_tot, self.largest_h_tot_at = h_tot, t
                 self.now, self.largest = (h_tot, h), pair
-                peak = larger(peak, self.now)
+                if h_tot > peak[0] or h > peak[1]:
+                    peak = larger(peak, self.now)
             crossings += self._crossings(part)
         return peak, sorted(crossings)
 
     def _crossings(self, part: _Part) -> list[Crossing]:
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
         safe = all(h_tot <= 0.0 for h_tot, *_ in part.largest)
-        unsafe = [] if safe else np.flatnonzero(~(part.h <= 0.0).all(axis=0)).tolist()
+        if safe and not self._counted.lasting and not self._apart.lasting:
+            return []
+        unsafe = np.flatnonzero(~(part.h <= 0.0).all(axis=0)).tolist()
         found = {int(part.pairs[k]): part.h[:, k] for k in unsafe}
         counted = {pair: h for pair, h in found.items() if not self._is_excluded[pair]}
         apart = {pair: found[pair] for pair in found.keys() - counted.keys()}
