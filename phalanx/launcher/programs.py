@@ -111,8 +111,8 @@ def show_as(title: str) -> None:
 
 
 def redirect_output(log: Path) -> None:
-    """Append this process's output and errors to a file."""
-    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    """Append this process's output and errors to a file, which only its user may read."""
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(file, sys.stdout.fileno())
     os.dup2(file, sys.stderr.fileno())
     os.close(file)

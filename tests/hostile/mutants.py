@@ -46,6 +46,7 @@ _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_
 _COORDINATOR = "phalanx/studies/coordinator.py"
 _TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
 _INVENTORY = "phalanx/studies/inventory.py"
+_TEST_SECRETS = "tests/process/viewer/test_secrets.py"
 _PROOFS, _TEST_PROOFS = (
     "phalanx/guarantee/proven_filter.py",
     "tests/unit/guarantee/test_proven_filter.py",
@@ -113,6 +114,10 @@ MUTANTS = (
            "with_plant: bool = True", _TEST_ACCESS),
     Mutant("live.json for all", "phalanx/launcher/live.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/launcher/test_live.py"),
+    Mutant("logs for all", "phalanx/launcher/programs.py", "os.O_APPEND, 0o600",
+           "os.O_APPEND, 0o644", _TEST_SECRETS),
+    Mutant("a token in a log", "viewer/phalanx_viewer/pages.py", "trust=True, announce=silent,",
+           "trust=True,", _TEST_SECRETS),
     Mutant("keys for all", "phalanx/hosts/authority.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/hosts/test_authority.py"),
     Mutant("an agent's identity for a hub", "phalanx/hosts/authority.py",

@@ -15,6 +15,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from phalanx.compat.forkserver import without_main
+from phalanx.launcher.engine import silent
 from phalanx.launcher.libraries import start_loading
 from phalanx.launcher.live import find_live
 from phalanx.launcher.programs import configure_logging, end_with_launcher, redirect_output, show_as
@@ -177,14 +178,15 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
     configure_logging()
     from phalanx_viewer.main import run
 
-    # A user who runs a scenario trusts the code that it names.
+    # A user who runs a scenario trusts the code that it names. The launcher has printed the address,
+    # with the token: what this process prints is in the log.
     while (found := find_live(folder)) is not None:
         membership = replace(found, timeout=_TIMEOUT)
         with suppress(HubError):  # it may be over meanwhile
             sys.exit(
                 run(
                     membership, folder, command_secret=command_secret, token=token, port=port,
-                    trust=True,
+                    trust=True, announce=silent,
                 )
             )  # fmt: skip
-    sys.exit(run(None, folder, port=port, trust=True))
+    sys.exit(run(None, folder, port=port, trust=True, announce=silent))

@@ -21,13 +21,15 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
+from phalanx.wire.credentials import PRIVATE_KEY
 from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub
 from tests.layers import layered
-from tests.process.runs import wait_for
+from tests.process.leaks import files_of, leaks
+from tests.process.runs import COMMAND_SECRET, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -52,6 +54,8 @@ class Programs:
         self.keys, self.out = keys, out
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
         self.running = [self.start("plant", "--listen", self.endpoint, "--out", str(out))]
+        self.said = ""
+        """All that they printed, once they have ended."""
 
     def start(self, program: str, *arguments: str) -> subprocess.Popen[str]:
         own = self.keys / (arguments[0] if program == "agent" else program)
@@ -62,7 +66,7 @@ class Programs:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "PHALANX_COMMAND_SECRET": "c"},
+            env={**os.environ, "PHALANX_COMMAND_SECRET": COMMAND_SECRET.decode()},
         )
 
     def start_agents(self) -> None:
@@ -77,6 +81,7 @@ class Programs:
         """Return the run's summary when all programs have ended."""
         ended = [program.communicate(timeout=90) for program in self.running]
         assert [p.returncode for p in self.running] == [0] * len(self.running), ended
+        self.said = "".join(out + err for out, err in ended)
         return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)
 
 
@@ -123,6 +128,9 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
     alone = execute(load("one-on-one", ["duration=0.3"]), calm, RunOptions("in-process"))
     assert with_certificates.trajectory == alone.trajectory
     assert with_certificates.outcome is alone.outcome is Outcome.GUARANTEED
+    private = {name: (programs.keys / name / PRIVATE_KEY).read_bytes().split(b"\n")[1] for name in NAMES}
+    left_behind = {**files_of(programs.out), "said": programs.said.encode()}
+    assert leaks({**private, "command secret": COMMAND_SECRET}, left_behind) == []
 
 
 def test_who_has_a_certificate_speaks_for_himself_alone(programs: Programs):
@@ -159,7 +167,7 @@ def test_only_the_operators_certificate_can_command(programs: Programs, identity
     key = who.keys.command
     command = Command(t=0.0, kind=CommandKind.LOSS, value=1.0)
     with open_patiently(who) as session:
-        payload = Sealer(b"c").seal(key, CommandMessage(number=1, command=command))
+        payload = Sealer(COMMAND_SECRET).seal(key, CommandMessage(number=1, command=command))
         session.put(key, payload, congestion_control=BLOCK)
         session.put(key, b"?" * 40, congestion_control=BLOCK)
         programs.start_agents()
