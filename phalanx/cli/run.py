@@ -46,7 +46,9 @@ Profile = Annotated[
 View = Annotated[
     bool,
     typer.Option(
-        "--view", help="Show the run on a page in real time, and replay it when it is over."
+        "--view",
+        help="Show the run on a page in real time, and replay it when it is over. Waits for no "
+        "browser.",
     ),
 ]
 Commands = Annotated[
@@ -190,7 +192,7 @@ def _page(port: int | None, command_secret: bytes) -> Any:
         page = extension("live-page")(port, command_secret, token)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
-    echo(f"viewer: {page.url}")
+    echo(f"viewer: {page.url}", "the run waits for no browser, and is replayed when it is over")
     return page
 
 

@@ -178,8 +178,8 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
     configure_logging()
     from phalanx_viewer.main import run
 
-    # A user who runs a scenario trusts the code that it names. The launcher has printed the address,
-    # with the token: what this process prints is in the log.
+    # A user who runs a scenario trusts the code that it names. Nothing is announced: output goes to
+    # the log, which is no place for the token. The launcher prints the address on the terminal.
     while (found := find_live(folder)) is not None:
         membership = replace(found, timeout=_TIMEOUT)
         with suppress(HubError):  # it may be over meanwhile

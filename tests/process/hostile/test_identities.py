@@ -128,7 +128,9 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
     alone = execute(load("one-on-one", ["duration=0.3"]), calm, RunOptions("in-process"))
     assert with_certificates.trajectory == alone.trajectory
     assert with_certificates.outcome is alone.outcome is Outcome.GUARANTEED
-    private = {name: (programs.keys / name / PRIVATE_KEY).read_bytes().split(b"\n")[1] for name in NAMES}
+    private = {
+        name: (programs.keys / name / PRIVATE_KEY).read_bytes().split(b"\n")[1] for name in NAMES
+    }
     left_behind = {**files_of(programs.out), "said": programs.said.encode()}
     assert leaks({**private, "command secret": COMMAND_SECRET}, left_behind) == []
 

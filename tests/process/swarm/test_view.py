@@ -24,7 +24,8 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     summary = msgspec.json.decode((run.folder / "summary.json").read_bytes(), type=Summary)
     assert summary.wall_time > 0.95 * 10.0  # as fast as the clock, not as the machine
     assert run.process.stdout is not None
-    output = ""
+    output = run.process.stdout.readline() + run.process.stdout.readline()
+    assert output.startswith(f"viewer: http://127.0.0.1:{port}\nthe run waits for no browser")
     while "the page replays the run" not in output:
         output += run.process.stdout.readline()
     run.process.send_signal(signal.SIGINT)

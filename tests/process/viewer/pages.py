@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import viser
+import zstandard
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.page import Page
 from websockets.sync.client import ClientConnection, connect
@@ -24,6 +25,9 @@ from tests.process.runs import SECRET, free_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator
+
+PATIENCE = 120.0
+"""Time for a page on busy cores to say something [s]."""
 
 
 def drawn(canvas: "Locator") -> str:
@@ -78,6 +82,12 @@ class Viewer:
             return page.status == 200
 
 
+def chosen(page: Page) -> int:
+    """The agent that a page's only visitor chose."""
+    (visitor,) = page.visitors.values()
+    return visitor.selected
+
+
 @contextlib.contextmanager
 def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
     """A viewer for the length of a block."""
@@ -103,6 +113,45 @@ def visitor(
     with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol]) as connection:
         connection.send(msgspec.msgpack.encode(camera))
         yield connection
+
+
+class Client:
+    """A visitor without a browser, and all that the page has sent."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+        self.received, self.clicked = "", 0
+        self.name = self.until(r'phalanx\.connect\("([^"]+)"\)')
+        """The name that the page gave it."""
+
+    def until(self, pattern: str) -> str:
+        """Receive until this came since the last click, and return the pattern's group."""
+        while not (found := re.search(pattern, self.received[self.clicked :])):
+            for message in messages(bytes(self.connection.recv(PATIENCE))):
+                self.received += f"{message}\n"
+        return found[1]
+
+    def group(self, button: str) -> str:
+        """Return the id of the group that has this button."""
+        return self.until(f"(?m)^(?=.*'{button}').*'uuid': '([^']+)'")
+
+    def field(self, label: str) -> str:
+        """Return the id of the list or checkbox with this label."""
+        return self.until(f"(?m)^(?=.*'label': '{label}').*'uuid': '([^']+)'")
+
+    def click(self, uuid: str, value: str | bool) -> None:
+        """Click a button of a group, choose from a list, or set a checkbox."""
+        self.clicked = len(self.received)
+        update = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+        self.connection.send(msgspec.msgpack.encode(update))
+        assert self.connection.ping().wait(PATIENCE)
+
+
+def messages(frame: bytes) -> list[dict[str, object]]:
+    """Every message that viser sends a page at once."""
+    packed = 16 + int.from_bytes(frame[8:16], "little")
+    found = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
+    return [message for message in found if isinstance(message, dict)]
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ import math
 import os
 import re
 import threading
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,13 +14,14 @@ import pytest
 from phalanx_viewer.feeds.replay import open_replay
 from phalanx_viewer.plots.plots import content
 
+import phalanx
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import drawn, served, viewer
+from tests.process.viewer.pages import chosen, drawn, served, viewer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, WebSocket
@@ -102,7 +104,8 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finis
         turned = painted()
         tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
         assert painted() == turned
-        paths = page.server.scene.get_handle_by_name("/recent paths")
+        (client,) = page.server.get_clients().values()
+        paths = client.scene.get_handle_by_name("/recent paths")
         wait_for(lambda: paths.colors[0, 0].max() < 60)
 
 
@@ -130,6 +133,68 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
 
 
 @pytest.mark.nightly
+def test_z_goes_to_the_worst_moment_and_to_its_diagram_wherever_that_is(
+    tab: "Tab", finished: Path
+) -> None:
+    replay = open_replay(finished)
+    worst = next(mark for mark in content(replay, [0], seekable=True).marks if mark.kind == "worst")
+    with served(replay) as page:
+        tab.set_viewport_size({"width": 1100, "height": 500})  # so narrow that the plots are folded
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("t = 0.000 s").wait_for()
+        diagram = tab.locator("#phx-plots canvas").last
+        assert not diagram.is_visible()
+        tab.keyboard.press("z")
+        wait_for(lambda: replay.t == pytest.approx(worst.t, abs=1e-3))
+        tab.get_by_role("button", name="whole run (z)").wait_for()
+        wait_for(lambda: in_view(tab, diagram))
+
+
+def in_view(tab: "Tab", shown: "Locator") -> bool:
+    """True if all of an element is above the timeline."""
+    box, bar = shown.bounding_box(), tab.locator("#phx-timeline").bounding_box()
+    assert bar is not None
+    return box is not None and box["y"] >= 0.0 and box["y"] + box["height"] <= bar["y"] + 1.0
+
+
+@pytest.mark.nightly
+def test_an_agents_name_and_enter_choose_it_and_the_keys_move_the_cursor_again(
+    tab: "Tab", tmp_path: Path
+) -> None:
+    out = phalanx.run(load("swarm2d", ["duration=0.1"]), engine="in-process", out=tmp_path)
+    with served(replay := open_replay(out.folder)) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        field = tab.get_by_role("textbox", name="Agent")
+        for typed, name in (("11", "11"), ("1", "1"), ("nobody", "1"), ("6", "6")):
+            field.click()
+            field.fill(typed)
+            field.press("Enter")
+            wait_for(lambda name=name: chosen(page) == replay.model.names.index(name))  # type: ignore[misc]
+        tab.keyboard.press("End")
+        wait_for(lambda: replay.t == replay.end)
+
+
+@pytest.mark.nightly
+def test_a_live_page_says_why_keys_and_plots_do_not_move_it(tab: "Tab", tmp_path: Path) -> None:
+    with (
+        live_run(load("unicycles", ["duration=1.0"]), tmp_path / "live", HELD) as run,
+        viewer("--connect", run.endpoint, "--run", "live") as page,
+    ):
+        tab.goto(page.url)
+        tab.locator("#phx-plots canvas").first.wait_for()
+        note = tab.get_by_text("cannot be moved in time")
+        keys = (" ", ",", ".", "z", "Home", "End", "ArrowLeft", "ArrowRight", "Shift+ArrowRight")
+        moves = [partial(tab.keyboard.press, key) for key in keys]
+        for move in (*moves, tab.locator("#phx-plots canvas").first.click):
+            assert not note.is_visible()
+            move()
+            note.wait_for()
+            note.evaluate("note => { note.hidden = true; }")  # as it does after a while
+        run.set_speed(0.0)
+        run.summary()
+
+
+@pytest.mark.nightly
 def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
     tab: "Tab", finished: Path
 ) -> None:
@@ -145,7 +210,7 @@ def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
         for name in ("Fit the view", "Choose from the worst pair"):
             tab.get_by_role("button", name=name).click()
         worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
-        wait_for(lambda: page.selected == worst)
+        wait_for(lambda: chosen(page) == worst)
         tab.keyboard.press("End")
         wait_for(lambda: time_shown(tab) == round(replay.end, 3))
         added = {thread.name for thread in threading.enumerate() if thread not in before}
@@ -266,7 +331,7 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         wait_for(lambda: time_shown(tab) > stopped)
         assert time_shown(tab) <= stopped + 0.01 + 1e-3
 
-        tab.get_by_role("button", name="Kill", exact=True).click()
+        tab.get_by_role("button", name="Kill 1", exact=True).click()
         tab.get_by_role("button", name="Resume", exact=True).click()
         tab.get_by_text("agent 1 killed").first.wait_for()
         run.set_speed(2.0)
@@ -296,7 +361,7 @@ def test_the_token_of_its_address_lets_a_page_command(tab: "Tab", tmp_path: Path
         run.set_speed(0.0)
         tab.get_by_text("the run is over").wait_for()
         run.summary()
-        assert tab.get_by_role("button", name="Kill").count() == 0
+        assert tab.get_by_role("button", name="Kill 1").count() == 0
     kinds = [command.kind for command in read(tmp_path / "live").commands]
     assert kinds == ["pause", "resume", "speed"]
 
@@ -309,7 +374,7 @@ def test_a_read_only_page_of_a_live_run_offers_no_commands(tab: "Tab", tmp_path:
     ):
         tab.goto(page.url)
         tab.get_by_text("× real time").wait_for()
-        for name in ("Pause", "Kill", "Turn"):
+        for name in ("Pause", "Kill 1", "Turn 1"):
             assert tab.get_by_role("button", name=name).count() == 0
         run.set_speed(0.0)
         tab.get_by_text("the run is over").wait_for()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.scene.cameras import Cameras, Framing, View
+from phalanx_viewer.scene.cameras import Camera, Framing, View
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import SceneServer, in_loop, open_page
 from PIL import Image
@@ -19,7 +19,7 @@ import phalanx
 from phalanx.arrays import Array
 from phalanx.scenario.load import load
 from tests.process.runs import free_port, wait_for
-from tests.process.viewer.pages import served, visitor
+from tests.process.viewer.pages import chosen, served, visitor
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
@@ -98,35 +98,47 @@ def test_the_camera_holds_all_agents_throughout(
             wait_for(lambda: paints(tab, view(), Picture(replay.model, replay.frame(replay.t))))
 
 
+FROM_ABOVE = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
+
+
 @contextmanager
-def cameras_from_above(swarm: Array) -> Iterator[tuple[SceneServer, Cameras]]:
-    """A page, and cameras that expect a swarm of shape (N, 3) [m]."""
-    from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
+def page_from_above(swarm: Array) -> Iterator[SceneServer]:
+    """A page that begins with a view of a swarm, of shape (N, 3) [m]."""
     server = open_page("127.0.0.1", free_port(), "cameras")
     try:
-        cameras = Cameras(server, from_above, reach=0.1)
-        cameras.expect(swarm)
+        first, camera = FROM_ABOVE.fitted(swarm, 0.1), server.initial_camera
+        camera.up, camera.fov = first.up, first.fov
+        camera.position, camera.look_at = first.position, first.look_at
         server.admit()
-        yield server, cameras
+        yield server
     finally:
         server.stop()
+
+
+def camera_of(server: SceneServer, swarm: Array) -> Camera:
+    """The camera of the page's only visitor, which expects a swarm."""
+    (client,) = server.get_clients().values()
+    camera = Camera(client, FROM_ABOVE, reach=0.1)
+    camera.expect(swarm)
+    return camera
 
 
 @contextmanager
 def seen_from_above(
     tab: "Tab", swarm: Array
-) -> Iterator[tuple[SceneServer, Cameras, Callable[[], View]]]:
+) -> Iterator[tuple[SceneServer, Camera, Callable[[], View]]]:
     """The same, and how a browser looks at it, once its camera is in place."""
-    with cameras_from_above(swarm) as (server, cameras):
+    with page_from_above(swarm) as server:
         view = open_tab(tab, server)
+        camera = camera_of(server, swarm)
         (client,) = server.get_clients().values()
         reports: list[View] = []
         # A view that was sent is the handle's at once: only a report says that the browser has it.
         client.camera.on_update(in_loop(lambda _: reports.append(view())))
 
         def in_place() -> bool:
-            server.run(lambda: cameras.show(swarm, None))
-            server.run(cameras.request_shapes)
+            server.run(lambda: camera.show(swarm, None))
+            server.run(camera.request_shape)
             return bool(reports) and shown(reports[-1])
 
         def shown(seen: View) -> bool:
@@ -136,17 +148,17 @@ def seen_from_above(
             return from_above and far and seen.holds(swarm)
 
         wait_for(in_place)  # a new browser's own camera is elsewhere, and then too near
-        yield server, cameras, view
+        yield server, camera, view
 
 
 TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "Tab") -> None:
-    with seen_from_above(tab, TOGETHER) as (server, cameras, view):
+    with seen_from_above(tab, TOGETHER) as (server, camera, view):
 
         def seen(positions: Array) -> View | None:
-            server.run(lambda: cameras.show(positions, None))
+            server.run(lambda: camera.show(positions, None))
             middle = (positions.min(axis=0) + positions.max(axis=0)) / 2.0
             looked = view()
             # The camera has a leash: it need not look at the very middle.
@@ -162,10 +174,10 @@ def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "T
 
 
 def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "Tab") -> None:
-    with seen_from_above(tab, TOGETHER) as (server, cameras, view):
+    with seen_from_above(tab, TOGETHER) as (server, camera, view):
 
         def distance(size: float) -> float:
-            server.run(lambda: cameras.show(size * TOGETHER, None))
+            server.run(lambda: camera.show(size * TOGETHER, None))
             return view().distance
 
         near = distance(1.0)
@@ -174,7 +186,7 @@ def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "T
 
         def show_again(size: float) -> None:
             client.camera.fov *= 1.001 if size == 4.0 else 1.0 / 1.001  # it reports its view
-            cameras.show(size * TOGETHER, None)
+            camera.show(size * TOGETHER, None)
 
         for size in (1.0, 4.0, 20.0) * 40:
             tab.evaluate("0")  # meanwhile it draws, or does not
@@ -185,12 +197,12 @@ def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "T
 
 def test_a_camera_that_reports_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
     down, swarm = np.array([0.0, 0.0, -1.0]), TOGETHER
-    with seen_from_above(tab, swarm) as (server, cameras, reported):
+    with seen_from_above(tab, swarm) as (server, camera, reported):
         (client,) = server.get_clients().values()
         tilts: list[tuple[float, float]] = []
 
         def on_report(_: object) -> None:
-            views = reported(), cameras.show(swarm, None)
+            views = reported(), camera.show(swarm, None)
             reported_tilt, tilt = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
             tilts.append((reported_tilt, tilt))
 
@@ -198,7 +210,7 @@ def test_a_camera_that_reports_while_it_is_moved_does_not_seem_tilted(tab: "Tab"
 
         def show_at_once() -> None:
             with client.atomic():
-                cameras.show(swarm, None)
+                camera.show(swarm, None)
                 client.camera.fov *= 1.001  # it reports its view, before it has moved
 
         def reported_at_once() -> bool:
@@ -220,20 +232,21 @@ def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
 
         def clicked() -> bool:  # the first frames are slow in software
             tab.mouse.click(*pixel(tab, view(), positions(replay)[3]))
-            return page.selected == 3
+            return chosen(page) == 3
 
         wait_for(clicked)
         worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
         assert worst != 3
         tab.get_by_role("button", name="Choose from the worst pair").click()
-        wait_for(lambda: page.selected == worst)
+        wait_for(lambda: chosen(page) == worst)
 
 
 def test_an_agent_that_a_visitor_follows_is_in_the_middle(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
         view = open_tab(tab, page.server)
-        page.server.run(lambda: page.select(3))
+        (visitor,) = page.visitors.values()
+        page.server.run(lambda: visitor.select(3))
         keep(tab, Framing.AGENT)
 
         def in_the_middle() -> bool:
@@ -256,15 +269,18 @@ def test_an_agent_that_a_visitor_follows_is_in_the_middle(tab: "Tab", finished: 
 
 
 def test_a_visitor_who_comes_while_an_agent_is_shown_sees_it_from_above_and_afar() -> None:
-    with cameras_from_above(TOGETHER) as (server, cameras):
-        cameras.keep(Framing.AGENT)
+    with (
+        page_from_above(TOGETHER) as server,
         # As from a browser that has not moved its camera yet to the view it was sent: from below.
-        with visitor(server.get_port(), position=[0.1, 0.0, -0.2], look_at=[0.1, 0.0, 0.0]):
-            wait_for(server.get_clients)
-            server.run(lambda: cameras.show(TOGETHER, 1))
-            (client,) = server.get_clients().values()
-            assert client.camera.look_at == pytest.approx(TOGETHER[1])
-            assert client.camera.position[2] > 1.0
+        visitor(server.get_port(), position=[0.1, 0.0, -0.2], look_at=[0.1, 0.0, 0.0]),
+    ):
+        wait_for(server.get_clients)
+        camera = camera_of(server, TOGETHER)
+        camera.keep(Framing.AGENT)
+        server.run(lambda: camera.show(TOGETHER, 1))
+        (client,) = server.get_clients().values()
+        assert client.camera.look_at == pytest.approx(TOGETHER[1])
+        assert client.camera.position[2] > 1.0
 
 
 def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(
@@ -279,7 +295,8 @@ def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(
         replay.seek(replay.worst_at)
 
         def named() -> set[str]:
-            nodes = page.server.scene.get_handle_by_name
+            (client,) = page.server.get_clients().values()
+            nodes = client.scene.get_handle_by_name
             labels = [nodes(f"/labels/{k}") for k in range(6)]
             return {node.text for node in labels if node.visible}
 

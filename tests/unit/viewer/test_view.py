@@ -7,6 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from phalanx_viewer.scene.cameras import View, looks_at
+from phalanx_viewer.scene.scene import _READABLE as READABLE
+from phalanx_viewer.scene.texts import _LINE as LINE
+from phalanx_viewer.scene.texts import LETTER
 from scipy.spatial.transform import Rotation
 
 DIRECTIONS = {
@@ -27,7 +30,7 @@ def test_a_fitted_camera_holds_all_balls_but_no_nearer_one_does(
     name: str, cloud: list[tuple[float, ...]], aspect: float
 ) -> None:
     centres, reach = np.array(cloud), 2.0
-    fitted = camera(name, aspect).fitted(centres, reach)
+    fitted = camera(name, aspect).fitted(centres, reach, edge=0.0)
     rims = np.concatenate([centres + reach * axis * s for axis in fitted.axes for s in (-1, 1)])
     nearer = replace(fitted, position=fitted.position + 0.5 * reach * fitted.axes[2])
     tangent = np.concatenate([rims, *_tangent_points(fitted, centres, reach)])
@@ -42,6 +45,25 @@ def _tangent_points(view: View, centres: np.ndarray, reach: float) -> list[np.nd
     normals = [s * right - tan * view.aspect * forward for s in (-1, 1)]
     normals += [s * up - tan * forward for s in (-1, 1)]
     return [centres + reach * n / np.linalg.norm(n) for n in normals]
+
+
+@pytest.mark.parametrize("size", [(536, 736), (390, 422), (390, 714), (1280, 700), (90, 60)])
+@pytest.mark.parametrize("name", sorted(DIRECTIONS))
+def test_bodies_and_names_at_the_edges_of_a_fitted_picture_are_all_in_it(
+    name: str, size: tuple[int, int]
+) -> None:
+    wide, high = size
+    view = replace(camera(name, wide / high), pixels=float(min(size)))
+    points = np.random.default_rng(4).uniform(-50.0, 50.0, (200, 3))
+    fitted = view.fitted(points, 0.5)
+    edges = np.array(size) / min(size) / 2.0
+    body = 1.1 * READABLE * min(view.enlargement, 2.0)
+    line, letter = (part * view.enlargement for part in (LINE, LETTER))
+    right, up = np.abs(fitted.project(points)).T
+    if min(size) > 300:
+        assert (up + body + line <= edges[1]).all()
+        assert (right + np.maximum(body, 2.0 * letter) <= edges[0]).all()
+    assert fitted.holds(points)
 
 
 def test_points_fall_where_the_picture_says_they_do() -> None:

@@ -18,7 +18,7 @@ from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.content import script
 from phalanx_viewer.plots.plots import content
 from phalanx_viewer.scene.picture import Picture
-from phalanx_viewer.scene.scene import Scene
+from phalanx_viewer.scene.scene import Scene, begin_with
 from phalanx_viewer.scene.server import SceneServer
 
 _FRAMES = 300
@@ -104,8 +104,10 @@ def _scene(replay: Replay, times: list[float], progress: Callable[[str], None]) 
     # viser has no scene without a server, and records what that sends. This one admits no page.
     server = SceneServer("127.0.0.1", 0, replay.model.scenario.name)
     try:
+        trajectory = replay.history.trajectory
+        begin_with(server, replay.model, trajectory.reshape(-1, 3))
         scene = Scene(server, replay.model, lambda _: None)
-        scene.expect(replay.history.trajectory)
+        scene.expect(trajectory)
         scene.show(Picture(replay.model, replay.frame(replay.t)), None)
         film = server.get_scene_serializer()
         # viser's player starts again at the end of a film: its last picture must stay before that.

@@ -1,40 +1,32 @@
 """The page of one run: scene, texts and plots, updated from its feed."""
 
-import json
+import hmac
 import logging
-import time
+import secrets
 
 import msgspec
+import viser
 
 from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.panels import Commands, Panels
+from phalanx_viewer.page.visitor import Visitor
 from phalanx_viewer.plots.content import script
-from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import Picture
-from phalanx_viewer.scene.scene import Scene, add_display
-from phalanx_viewer.scene.server import open_page
+from phalanx_viewer.scene.scene import begin_with
+from phalanx_viewer.scene.server import in_loop, open_page
 
 log = logging.getLogger("phalanx.viewer")
 
-_TEXT_PERIOD = 0.2
-"""Wall time between two updates of texts [s]: they are slower than the scene."""
-_PLOT_PERIOD = 1.0
-"""Least wall time between two updates of a live run's plots [s]: each sends all of them."""
-_PLOT_SHARE = 0.01
-"""Largest share of the time spent on plots: with many agents they are updated less often."""
 _CONNECT = """
-if (!window.phalanx.connected) (() => {
-  let socket = null, unsent = null;
-  // A visitor who may command has the token in the address; the server asks for it under a name.
+if (!window.phalanx.connect) (() => {
+  let socket = null, unsent = null, visitor = "";
+  // A visitor who may command has the token in the address.
+  const token = new URLSearchParams(location.search).get("token");
   const answer = () => {
-    const token = new URLSearchParams(location.search).get("token");
-    const visitor = window.phalanxVisitor;
-    if (!token || !visitor || socket.readyState !== WebSocket.OPEN) return;
-    window.phalanxVisitor = null;
-    socket.send(JSON.stringify({ visitor, token }));
+    if (token && socket.readyState === WebSocket.OPEN)
+      socket.send(JSON.stringify({ visitor, token }));
   };
   const connect = () => {
     socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
@@ -45,15 +37,15 @@ if (!window.phalanx.connected) (() => {
     };
     socket.onclose = () => setTimeout(connect, 1000);
   };
-  addEventListener("phalanx-visitor", answer);
   connect();
-  window.phalanx.connected = true;
+  window.phalanx.connect = name => { visitor = name; answer(); };
   window.phalanx.act = action => {
     if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(action));
     // An action for a server that is gone is not for the one that comes after it.
     else if (unsent !== "") unsent = JSON.stringify(action);
   };
 })();
+window.phalanx.connect("NAME");
 """
 
 
@@ -68,12 +60,16 @@ class Action(msgspec.Struct, frozen=True):
     speed: float | None = None
     """Speed of a replay, in multiples of real time."""
     visitor: str = ""
-    """Name under which the server asked for the token, if the visitor has one."""
+    """Name that the server gave the visitor."""
     token: str = ""
+    """Of the visitor's address."""
 
 
 class Page:
-    """Everything on the page, for one feed.
+    """The page of one feed, for every visitor.
+
+    All visitors see the run at one time: who moves a replay's cursor, moves it for all. Everything
+    else is each visitor's own.
 
     tick() and replay() are called in one thread, everything else in the server's.
     """
@@ -85,35 +81,19 @@ class Page:
 
         token: secret of visitors that may command a live run; empty: none may.
         """
-        model = feed.model
-        self._feed = feed
-        self.selected = 0
-        self.server = open_page(host, port, f"Phalanx: {model.scenario.name}", origins)
-        self._scene = Scene(self.server, model, self.select)
-        if isinstance(feed, Replay):
-            self._scene.expect(feed.history.trajectory)
-        self._panels = Panels(self.server, model, self.select)
-        self.server.on_action = self._on_action
-        self.server.run_script("script", script() + _CONNECT)
-        self._plotted: tuple[int, int, int] | None = None
-        self._plots_due = 0.0
-        self._pair = 0
-        self._commands = None
-        if isinstance(feed, Live) and feed.commandable and token:
-            self._commands = Commands(self.server, feed, token, lambda: model.names[self.selected])
-        add_display(self.server.gui, self._scene)
+        self._feed, self._token = feed, token
+        self.visitors: dict[str, Visitor] = {}
+        """By name."""
+        self.server = open_page(host, port, f"Phalanx: {feed.model.scenario.name}", origins)
+        self._begin_with(feed)
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(360)
         self._frame: Frame | None = None
         self._outcome = feed.summary, feed.over
-        self._stale, self._texts_due = True, 0.0
+        self.server.on_action = self._on_action
+        self.server.on_client_connect(in_loop(self._on_visitor))
+        self.server.on_client_disconnect(in_loop(self._on_leave))
         self.server.admit()
-
-    def select(self, i: int) -> None:
-        """Make agent i the selected one."""
-        self.selected = i
-        self._panels.show_selected(i)
-        self._stale, self._plots_due = True, 0.0
 
     def replay(self, replay: Replay) -> None:
         """Continue with the recording of the run that was shown live, at its end."""
@@ -123,71 +103,42 @@ class Page:
     def tick(self) -> None:
         self.server.run(self._tick)
 
+    def _begin_with(self, feed: Feed) -> None:
+        run = feed.history.trajectory if isinstance(feed, Replay) else feed.model.corners
+        begin_with(self.server, feed.model, run.reshape(-1, 3))
+
+    def _on_visitor(self, client: viser.ClientHandle) -> None:
+        # The token comes by another connection: under a name that cannot be guessed.
+        name = secrets.token_urlsafe(16)
+        connect = script() + _CONNECT.replace("NAME", name)
+        self.visitors[name] = Visitor(client, self._feed, connect)
+
+    def _on_leave(self, client: viser.ClientHandle) -> None:
+        self.visitors = {k: v for k, v in self.visitors.items() if v.client is not client}
+
     def _show_instead(self, replay: Replay) -> None:
-        self._scene.expect(replay.history.trajectory)
-        self._feed, self._frame, self._plotted, self._plots_due = replay, None, None, 0.0
-        if self._commands:
-            self._commands.remove()
-            self._commands = None
-        self._stale = True
+        self._feed, self._frame = replay, None
+        self._begin_with(replay)
+        for visitor in self.visitors.values():
+            visitor.follow(replay)
 
     def _tick(self) -> None:
         frame = self._feed.take()
-        self._plot()
-        self._scene.cameras.request_shapes()
         if frame == self._frame:  # a paused plant repeats its frame
             frame = None
         outcome = self._feed.summary, self._feed.over
         # The verdict and the plant's end come after the last frame, but change the texts.
         if frame is not None or outcome != self._outcome:
-            self._outcome, self._stale = outcome, True
+            self._outcome = outcome
+            for visitor in self.visitors.values():
+                visitor.stale = True
         self._frame = frame or self._frame
-        if self._frame is None or not (self._stale or self._scene.stale):
+        due = [visitor for visitor in self.visitors.values() if visitor.tick()]
+        if self._frame is None or not due:
             return
-        if not self.server.get_clients():  # drawn when a visitor comes
-            return
-        now = time.monotonic()
-        if texts_due := now >= self._texts_due:
-            # Before anything is shown: a selection made meanwhile shows at the next tick.
-            self._stale, self._texts_due = False, now + _TEXT_PERIOD
-        self._scene.show(Picture(self._feed.model, self._frame), self.selected)
-        if texts_due or isinstance(self._feed, Replay):
-            self._call("at", self._clock(self._frame))
-        if texts_due:
-            self._show_texts(self._frame)
-
-    def _clock(self, frame: Frame) -> dict[str, object]:
-        values = values_at(self._feed, frame, self.selected, self._pair)
-        return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
-
-    def _show_texts(self, frame: Frame) -> None:
-        """Send texts and recent paths, in one message to every page."""
-        with self.server.atomic():
-            self._panels.show(frame, self.selected, self._feed)
-            self._scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
-            if self._commands:
-                self._commands.show(frame)
-
-    def _plot(self) -> None:
-        """Send the plots if there is more to plot, and a visitor to see it."""
-        now, rows = time.monotonic(), self._feed.history.totals
-        shown = self.selected, len(rows), len(self._feed.log)
-        if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
-            return
-        began, names = time.thread_time(), self._feed.model.names
-        others = [] if self._feed.model.crowded else range(len(names))
-        curves_of = [self.selected, *(i for i in others if i != self.selected)]
-        seekable = isinstance(self._feed, Replay)
-        drawn = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
-        self._call("show", drawn)
-        self._pair, self._stale = drawn.pair, True
-        taken = time.thread_time() - began
-        self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
-
-    def _call(self, function: str, argument: object) -> None:
-        """Call a function of the script with an argument as JSON, on every page, now or later."""
-        quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
-        self.server.run_script(function, f"window.phalanx.{function}(JSON.parse({quoted}))")
+        picture = Picture(self._feed.model, self._frame)
+        for visitor in due:
+            visitor.show(self._frame, picture)
 
     def _on_action(self, text: str | bytes) -> None:
         try:
@@ -195,16 +146,23 @@ class Page:
         except msgspec.DecodeError as error:
             log.warning("not an action: %s", error)
             return
-        if self._commands and action.visitor:
-            self._commands.answer(action.visitor, action.token)
-        replay = self._feed
-        if not isinstance(replay, Replay):
-            return
-        if action.seek is not None:
-            replay.seek(action.seek)
-        if action.step is not None:
-            replay.step(action.step)
-        if action.play is not None:
-            replay.play(action.play)
-        if action.speed is not None:
-            replay.set_speed(action.speed)
+        visitor, feed = self.visitors.get(action.visitor), self._feed
+        if visitor and isinstance(feed, Live) and feed.commandable and self._token:
+            if hmac.compare_digest(action.token.encode(), self._token.encode()):
+                visitor.admit(feed)
+            else:
+                log.warning("a visitor with a wrong token may look, but not command")
+        if isinstance(feed, Replay):
+            _move(feed, action)
+
+
+def _move(replay: Replay, action: Action) -> None:
+    """Move the cursor of a replay."""
+    if action.seek is not None:
+        replay.seek(action.seek)
+    if action.step is not None:
+        replay.step(action.step)
+    if action.play is not None:
+        replay.play(action.play)
+    if action.speed is not None:
+        replay.set_speed(action.speed)

@@ -1,8 +1,5 @@
 """Panels: status, verdict, the selected agent, the event log; and commands to a live run."""
 
-import hmac
-import logging
-import secrets
 from collections.abc import Callable, Sequence
 
 import viser
@@ -15,10 +12,8 @@ from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx_viewer.feeds.feed import Feed, interim_outcome
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.server import Callback, SceneServer, in_loop
+from phalanx_viewer.scene.server import Callback, in_loop
 from phalanx_viewer.scene.texts import Markup, Panel, element, markup
-
-log = logging.getLogger("phalanx.viewer")
 
 _STYLE = Markup("""<style>
 .phalanx-text { margin: 0; padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.5;
@@ -32,18 +27,14 @@ _NO_RESIDUAL = 1e-9
 """Residuals this small are 0 but for rounding: the row holds with equality."""
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
 
-_ON_AGENT = tuple(kind.title() for kind in EFFECTS)
-
 
 class Panels:
     """Texts about a run, from its frames."""
 
-    def __init__(
-        self, server: viser.ViserServer, model: SceneModel, select: Callable[[int], None]
-    ) -> None:
-        """`select` is called with the index of the agent that a visitor chooses."""
+    def __init__(self, gui: viser.GuiApi, model: SceneModel, select: Callable[[int], None]) -> None:
+        """`select` is called with the index of the agent that the visitor chooses."""
         self._model, self._select = model, select
-        gui, scenario = server.gui, model.scenario
+        scenario = model.scenario
         agents = f"{len(model.names)} agents ({int(model.adversary.sum())} adversaries)"
         Panel(gui, _text(element("b", scenario.name), f" · {agents} · seed {scenario.seed}"))
         self._status = Panel(gui, _text("Waiting for the first frame."))
@@ -176,60 +167,11 @@ def _residual(residual: float | None) -> str:
     return f"residual {residual if abs(residual) > _NO_RESIDUAL else 0.0:.3g}"
 
 
-class Commands:
-    """Command panels of the visitors whose address had the token; other pages have none."""
-
-    def __init__(
-        self, server: SceneServer, live: Live, token: str, selected: Callable[[], str]
-    ) -> None:
-        """Ask every visitor for the token.
-
-        selected: returns the name of the agent that receives commands to an agent.
-        """
-        self._server, self._live, self._token, self._selected = server, live, token, selected
-        self._asked: dict[str, viser.ClientHandle] = {}
-        self._panels: dict[int, CommandPanel] = {}
-        server.on_client_connect(in_loop(self._ask))
-        server.on_client_disconnect(in_loop(self._forget))
-
-    def answer(self, visitor: str, token: str) -> None:
-        """Give a visitor who sent the right token a panel; `visitor` is the name from _ask."""
-        client = self._asked.pop(visitor, None)
-        if client is None:
-            return
-        if hmac.compare_digest(token.encode(), self._token.encode()):
-            self._panels[client.client_id] = CommandPanel(client.gui, self._live, self._selected)
-        else:
-            log.warning("a visitor with a wrong token may look, but not command")
-
-    def show(self, frame: Frame) -> None:
-        """Set every panel's sliders to the plant's loss and delay."""
-        for panel in self._panels.values():
-            panel.show(frame)
-
-    def remove(self) -> None:
-        """Remove the panels: the run is over."""
-        self._asked.clear()
-        for panel in self._panels.values():
-            panel.folder.remove()
-        self._panels.clear()
-
-    def _ask(self, client: viser.ClientHandle) -> None:
-        # The answer comes by another connection: a name that cannot be guessed, and is used once.
-        visitor = secrets.token_urlsafe(16)
-        self._asked[visitor] = client
-        ask = f'window.phalanxVisitor = "{visitor}"; dispatchEvent(new Event("phalanx-visitor"));'
-        self._server.run_script("visitor", ask, client)
-
-    def _forget(self, client: viser.ClientHandle) -> None:
-        self._asked = {name: asked for name, asked in self._asked.items() if asked is not client}
-        self._panels.pop(client.client_id, None)
-
-
 class CommandPanel:
     """One visitor's command panel."""
 
-    def __init__(self, gui: viser.GuiApi, live: Live, selected: Callable[[], str]) -> None:
+    def __init__(self, gui: viser.GuiApi, live: Live, selected: str) -> None:
+        """`selected` is the agent that the visitor chose."""
         self._live = live
         self.folder = gui.add_folder("Command", order=10)
         with self.folder:
@@ -238,7 +180,7 @@ class CommandPanel:
             self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
             self._loss = gui.add_slider("Loss [%]", min=0, max=100, step=1, initial_value=0)
             self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
-            self._agent = gui.add_button_group("Agent", _ON_AGENT)
+            self._agent = gui.add_button_group("Agent", _on_agent(selected))
         self._shown: tuple[float | None, float | None] = None, None
         """Loss and delay in the last frame."""
 
@@ -247,13 +189,19 @@ class CommandPanel:
             return in_loop(lambda e: live.command(kind, value=value()) if e.client else None)
 
         def command_agent(_: object) -> None:
-            live.command(CommandKind(self._agent.value.lower()), agent=selected())
+            # The agent that the visitor read on the button, even if another was chosen since.
+            kind, _, name = self._agent.value.partition(" ")
+            live.command(CommandKind(kind.lower()), agent=name)
 
         self._pause.on_click(in_loop(lambda _: self._command_pace()))
         self._agent.on_click(in_loop(command_agent))
         self._speed.on_update(command(CommandKind.SPEED, lambda: _SPEEDS[self._speed.value]))
         self._loss.on_update(command(CommandKind.LOSS, lambda: self._loss.value / 100.0))
         self._delay.on_update(command(CommandKind.DELAY, lambda: self._delay.value / 1000.0))
+
+    def show_selected(self, selected: str) -> None:
+        """Make the buttons command another agent."""
+        self._agent.options = _on_agent(selected)
 
     def show(self, frame: Frame) -> None:
         """Set the sliders to the plant's loss and delay."""
@@ -269,3 +217,8 @@ class CommandPanel:
     def _command_pace(self) -> None:
         kind = CommandKind(self._pause.value.lower())
         self._live.command(kind, value=self._step.value if kind == CommandKind.STEP else 0.0)
+
+
+def _on_agent(name: str) -> tuple[str, ...]:
+    """Commands to an agent, as the buttons name them."""
+    return tuple(f"{kind.title()} {name}" for kind in EFFECTS)

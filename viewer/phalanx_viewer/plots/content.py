@@ -110,7 +110,7 @@ class Content(msgspec.Struct):
     marks: list[Mark]
 
 
-_PARTS = ("state.js", "plots.js", "timeline.js")
+_PARTS = ("state.js", "plots.js", "timeline.js", "keys.js")
 """Functions of one scope: each part uses those before it."""
 
 

@@ -2,9 +2,14 @@
 const LATE = "#e8a200", LOST = "#d62728", FALSE = "#06b6d4";
 let zoomed = false;
 
+// In to the worst moment, or out again.
 function toggleZoom() {
   zoomed = !zoomed;
   redraw(true);
+  if (!zoomed) return;
+  seekWorst();
+  if (!panel.clientWidth) foldPlots();
+  requestAnimationFrame(() => drawn.find(plot => shown[plot.index].zoom)?.canvas.scrollIntoView());
 }
 
 // Each lane has four rows: late, lost, the agent's state, and false broadcasts that it sent.

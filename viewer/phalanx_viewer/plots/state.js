@@ -33,7 +33,7 @@ const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
 const isSeekable = () => content !== null && content.seekable;
 
 function seek(t) {
-  if (!isSeekable()) return;
+  if (!isSeekable()) return noteLive();
   t = clamp(t, content.begin, content.end);
   phalanx.at({ ...clock, t, playing: false, values: null });  // the server confirms a little later
   phalanx.act({ seek: t });

@@ -24,12 +24,11 @@ const violationButton = button("violation", "To the first violation", () => {
 });
 const bar = element("footer", { id: "phx-timeline" },
   button("|◀", "To the start (home)", () => seek(content.begin)), play, speed, time, track,
-  button("worst", "To the worst moment", () => {
-    const worst = content.marks.find(mark => mark.kind === "worst");
-    if (worst) seek(worst.t);
-  }),
+  button("worst", "To the worst moment (z)", seekWorst),
   violationButton, plotsButton);
-document.body.append(bar);
+const note = element("div", { id: "phx-note", role: "status", hidden: true,
+  textContent: "A run that goes on cannot be moved in time. Its replay can." });
+document.body.append(bar, note);
 
 const narrow = matchMedia("(max-width: 1200px)");
 const fold = folded => {
@@ -44,6 +43,19 @@ addEventListener("resize", () => redraw(true));
 
 function togglePlay() {
   if (isSeekable()) phalanx.act({ play: !clock.playing });
+}
+
+function seekWorst() {
+  const worst = content.marks.find(mark => mark.kind === "worst");
+  if (worst) seek(worst.t);
+}
+
+// For a while.
+let noted = 0;
+function noteLive() {
+  note.hidden = false;
+  clearTimeout(noted);
+  noted = setTimeout(() => { note.hidden = true; }, 4000);
 }
 
 const trackTime = x =>
@@ -95,23 +107,3 @@ redraws.push(() => {
   p.fillStyle = colour("ink");
   p.fillRect(trackX(clock.t) - 1, base - 24, 2, 30);
 });
-
-// Keys outside text fields: handled before the scene, whose camera also turns by arrow keys.
-const KEYS = {
-  " ": () => togglePlay(),
-  ArrowLeft: event => seek(clock.t - (event.shiftKey ? 10 : 1) * content.step),
-  ArrowRight: event => seek(clock.t + (event.shiftKey ? 10 : 1) * content.step),
-  Home: () => seek(content.begin),
-  ",": () => phalanx.act({ step: -1 }),
-  ".": () => phalanx.act({ step: 1 }),
-  End: () => seek(content.end),
-  z: () => toggleZoom(),
-};
-addEventListener("keydown", event => {
-  const act = KEYS[event.key], at = event.target;
-  if (!act || !isSeekable() || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (at.isContentEditable || ["INPUT", "TEXTAREA", "SELECT"].includes(at.tagName)) return;
-  event.preventDefault();
-  event.stopImmediatePropagation();
-  act(event);
-}, { capture: true });

@@ -1,4 +1,4 @@
-"""Camera views, and visitors' cameras: they show a whole run, follow the swarm or one agent."""
+"""Camera views, and a visitor's camera: it shows a whole run, follows the swarm or one agent."""
 
 import time
 from collections import deque
@@ -20,6 +20,9 @@ again when it is less than _TIGHT or more than _LOOSE times as far."""
 _LEASH = 0.04
 """Distance of the swarm's middle from the picture's at which the camera begins to follow, in
 shorter sides of the picture; _TIGHT leaves that room to agents at the edge."""
+_EDGE, _MOST_EDGE = 0.075, 0.3
+"""Room for names and enlarged bodies at the edges, in shorter sides of a usual picture, and at most
+in those of a small one."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
 _REMEMBERED = 256
@@ -97,12 +100,14 @@ class View:
         in_front = (points - self.position) @ self.axes[2] > 0.0
         return bool((in_front & (across <= 0.5 * self.aspect) & (high <= 0.5)).all())
 
-    def fitted(self, points: Array, reach: float) -> Self:
+    def fitted(self, points: Array, reach: float, edge: float = _EDGE) -> Self:
         """Return the nearest camera of the same direction that sees balls around points.
 
-        points: their centres [m], shape (N, 3). reach: their radius [m].
+        points: their centres [m], shape (N, 3). reach: their radius [m]. edge: part of a usual
+        picture to leave free at each side, in shorter sides.
         """
-        tan = np.tan(self.fov / 2.0) * np.array([self.aspect, 1.0])
+        free = 2.0 * min(edge * self.enlargement, _MOST_EDGE) * min(1.0, self.aspect)
+        tan = np.tan(self.fov / 2.0) * (np.array([self.aspect, 1.0]) - free)
         across, along = points @ self.axes[:2].T, points @ self.axes[2]
         # A ball is left of the picture's right edge if its centre's distance from that plane is at
         # least `reach`; likewise for the other edges. The camera backs off until all are.
@@ -135,7 +140,7 @@ def looks_at(point: Array, position: Array, wxyz: Array) -> bool:
 
 
 class Framing(StrEnum):
-    """The part of a run that cameras show."""
+    """The part of a run that a camera shows."""
 
     RUN = "the whole run"
     SWARM = "the swarm"
@@ -143,8 +148,8 @@ class Framing(StrEnum):
 
 
 @dataclass
-class _Visitor:
-    """The views that one visitor's browser was sent, and the visitor's own zoom."""
+class _Moved:
+    """The views that a visitor's browser was sent, and the visitor's own zoom."""
 
     sent: View
     """The last view."""
@@ -171,113 +176,107 @@ class _Visitor:
                 client.camera.position, client.camera.look_at = view.position, view.look_at
 
 
-class Cameras:
-    """Moves every visitor's camera; direction and zoom are the visitor's own."""
+class Camera:
+    """Moves one visitor's camera; direction and zoom are the visitor's own."""
 
-    def __init__(self, server: viser.ViserServer, direction: View, reach: float) -> None:
-        """Look from a direction; reach: radius around a position that is shown [m]."""
-        self._server, self._first, self._reach = server, direction, reach
+    def __init__(self, client: viser.ClientHandle | None, first: View, reach: float) -> None:
+        """Begin with a view; reach: radius around a position that is shown [m].
+
+        Without a client nothing moves.
+        """
+        self._client, self._first, self._reach = client, first, reach
         self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
-        self._visitors: dict[int, _Visitor] = {}
+        self._moved: _Moved | None = None
         self._requested_at, self._nudge = 0.0, _NUDGE
         self.on_keep: Callable[[Framing], None] = lambda _: None
         """Called with each change of `framing`."""
 
     def expect(self, positions: Array) -> None:
-        """Show new visitors all of these positions of a run, shape (s, 3)."""
-        self._run = positions
-        self._first = first = self._first.fitted(positions, self._reach)
-        camera = self._server.initial_camera
-        camera.up, camera.fov = tuple(first.up), first.fov
-        camera.near, camera.far = 1e-3 * first.distance, 1e2 * first.distance
-        camera.position, camera.look_at = tuple(first.position), tuple(first.look_at)
+        """Begin with a view of all of these positions of a run, shape (s, 3)."""
+        self._run, self._first = positions, self._first.fitted(positions, self._reach)
 
     def keep(self, framing: Framing) -> None:
-        """Set the part of the run that is shown; one agent from each visitor's distance."""
-        self.framing = framing
-        known = self._visitors if framing is Framing.AGENT else {}
-        self._visitors = {k: _Visitor(v.sent, v.sent.distance) for k, v in known.items()}
+        """Set the part of the run that is shown; one agent from the visitor's distance."""
+        moved, self.framing = self._moved, framing
+        follows = moved is not None and framing is Framing.AGENT
+        self._moved = _Moved(moved.sent, moved.sent.distance) if moved and follows else None
         self.on_keep(framing)
 
-    def request_shapes(self) -> None:
-        """Make every browser report its picture's shape, every _SHAPES_EVERY seconds."""
+    def request_shape(self) -> None:
+        """Make the browser report its picture's shape, every _SHAPES_EVERY seconds."""
         # By itself a browser does so when its camera moves, but not, or too early, when a panel
         # next to the scene opens or closes. It does whenever its field of view is set.
         now = time.monotonic()
-        if now >= self._requested_at + _SHAPES_EVERY:
+        if self._client is not None and now >= self._requested_at + _SHAPES_EVERY:
             self._requested_at, self._nudge = now, -self._nudge
-            for client in self._server.get_clients().values():
-                client.camera.fov = self._first.fov * (1.0 + self._nudge)
+            self._client.camera.fov = self._first.fov * (1.0 + self._nudge)
 
     def show(self, positions: Array, chosen: int | None) -> View:
-        """Move the cameras to what they show; positions has shape (N, 3).
+        """Move the camera to what it shows; positions has shape (N, 3).
 
-        Returns the visitors' view in which the swarm is smallest.
+        Returns the visitor's view.
         """
-        seen = self._seen()
-        single = self.framing is Framing.AGENT and chosen is not None
-        kept = positions[chosen : chosen + 1] if single and chosen is not None else positions
-        for key, (client, view) in seen.items():
-            if self.framing is Framing.RUN:
-                self._fit_run(key, client, view)
-            else:
-                self._follow(key, client, view, kept, single)
-        views = [view for _, view in seen.values()] or [self._first]
-        middle = positions.mean(axis=0, keepdims=True)
-        return max(views, key=lambda view: float(view.spans(middle)[0]))
+        if self._client is None or not (view := self._view(self._client)).possible:
+            return self._first  # a browser may report an impossible one
+        if self._moved and _steady(view, self._first) and not _steady(self._moved.sent, view):
+            self._moved = None  # back where it began, such as by viser's button
+        if self.framing is Framing.RUN:
+            self._fit_run(self._client, view, positions)
+        else:
+            single = self.framing is Framing.AGENT and chosen is not None
+            kept = positions[chosen : chosen + 1] if single and chosen is not None else positions
+            self._follow(self._client, view, kept, single)
+        return view
 
-    def _seen(self) -> dict[int, tuple[viser.ClientHandle, View]]:
-        """Every visitor's view, but for impossible ones that a browser reports."""
-        clients = self._server.get_clients()
-        self._visitors = {key: known for key, known in self._visitors.items() if key in clients}
-        views = ((key, client, self._view(client)) for key, client in clients.items())
-        return {key: (client, view) for key, client, view in views if view.possible}
-
-    def _fit_run(self, key: int, client: viser.ClientHandle, seen: View) -> None:
-        """Show the whole run once, and when the picture's shape changed."""
-        visitor = self._visitors.get(key)
-        if visitor is None or not _close(visitor.sent.aspect, seen.aspect):
+    def _fit_run(self, client: viser.ClientHandle, seen: View, positions: Array) -> None:
+        """Show the whole run once, and when the picture's shape or the known run changed."""
+        moved, low, high = self._moved, self._run.min(axis=0), self._run.max(axis=0)
+        beyond = np.maximum(positions - high, low - positions).max() > self._reach
+        if beyond:  # where nobody knew that a live run goes: farther, so that this is seldom
+            middle = (low + high) / 2.0
+            self._run = np.concatenate([self._run, middle + _LOOSE * (positions - middle)])
+        if moved is None or beyond or not _close(moved.sent.aspect, seen.aspect):
             # A new visitor has no direction of its own, and its camera may not be in place yet.
-            towards = self._first if visitor is None else seen
-            fitted = replace(towards, aspect=seen.aspect).fitted(self._run, self._reach)
-            self._visitors[key] = visitor = _Visitor(seen, fitted.distance)
-            visitor.send(client, fitted)
+            towards = self._first if moved is None else seen
+            towards = replace(towards, aspect=seen.aspect, pixels=seen.pixels)
+            fitted = towards.fitted(self._run, self._reach)
+            self._moved = _Moved(seen, fitted.distance)
+            self._moved.send(client, fitted)
 
     def _follow(
-        self, key: int, client: viser.ClientHandle, seen: View, positions: Array, single: bool
+        self, client: viser.ClientHandle, seen: View, positions: Array, single: bool
     ) -> None:
-        visitor = self._visitors.get(key)
-        if visitor is None:  # whose camera may not be in place yet
+        moved = self._moved
+        if moved is None:  # the camera may not be in place yet
             first = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
-            visitor = self._visitors[key] = _Visitor(seen, first.distance)
+            moved = self._moved = _Moved(seen, first.distance)
             seen = first
         else:
             if not _close(seen.distance, self._first.distance):  # where every browser begins
-                visitor.on_report(seen)
-            if not _close(seen.distance, visitor.sent.distance):  # the view sent is on its way
-                seen = replace(visitor.sent, aspect=seen.aspect, pixels=seen.pixels)
+                moved.on_report(seen)
+            if not _close(seen.distance, moved.sent.distance):  # the view sent is on its way
+                seen = replace(moved.sent, aspect=seen.aspect, pixels=seen.pixels)
         fitted = seen.fitted(positions, self._reach)
         look_at = fitted.look_at
         if not single:
-            if _TIGHT <= visitor.fit / fitted.distance <= _LOOSE:
+            if _TIGHT <= moved.fit / fitted.distance <= _LOOSE:
                 look_at = seen.pulled(look_at, _LEASH)
             else:
-                visitor.fit = _ROOM * fitted.distance
-        visitor.send(client, seen.moved(look_at, visitor.fit * visitor.zoom))
+                moved.fit = _ROOM * fitted.distance
+        moved.send(client, seen.moved(look_at, moved.fit * moved.zoom))
 
     def _view(self, client: viser.ClientHandle) -> View:
         camera, fov = client.camera, self._first.fov
         wide, high = max(camera.image_width, 1), max(camera.image_height, 1)  # hidden: 0 by 0
-        # Only request_shapes() changes the field of view, invisibly; everything that is sized by it
+        # Only request_shape() changes the field of view, invisibly; everything that is sized by it
         # would be sent again each time.
         position, look_at, up = camera.position, camera.look_at, camera.up_direction
         seen = View(position, look_at, up, fov, wide / high, min(wide, high))
-        visitor = self._visitors.get(client.client_id)
-        if visitor is None or looks_at(look_at, position, camera.wxyz):
+        if self._moved is None or looks_at(look_at, position, camera.wxyz):
             return seen
         # A browser that reports before it has drawn the view that it was sent gives the new point
         # that it looks at, but its old position: together a tilted direction.
-        return replace(visitor.sent, aspect=seen.aspect, pixels=seen.pixels)
+        return replace(self._moved.sent, aspect=seen.aspect, pixels=seen.pixels)
 
 
 def _close(a: float, b: float) -> bool:

@@ -1,6 +1,7 @@
 """The scene model: a scenario's swarm, its poses and static geometry, ready to draw."""
 
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import casadi as ca
@@ -182,6 +183,11 @@ class SceneModel:
         known = np.concatenate([start, self.static.path, *centers, *self.static.outlines])
         reach = 4.0 * self.body
         return known.min(axis=0) - reach, known.max(axis=0) + reach
+
+    @property
+    def corners(self) -> Array:
+        """Corners of that box [m], shape (8, 3)."""
+        return np.array([*product(*zip(*self.extent, strict=True))])
 
     @property
     def floor(self) -> float:

@@ -8,7 +8,7 @@ import viser
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene import agents
-from phalanx_viewer.scene.cameras import Cameras, Framing, View
+from phalanx_viewer.scene.cameras import Camera, Framing, View
 from phalanx_viewer.scene.colours import DARK, LIGHT
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.picture import Picture
@@ -16,48 +16,57 @@ from phalanx_viewer.scene.server import in_loop
 from phalanx_viewer.scene.static import StaticNodes
 from phalanx_viewer.scene.texts import LabelNodes, Panel, banner, legend, markup
 
+_REACH = 3.0
+"""Radius around a position that is shown, in bodies."""
 _READABLE, _READABLE_OF_MANY = 0.027, 0.01
 """Smallest size of a body, in the shorter side of the picture."""
 
 
 class Scene:
-    """Draws pictures, whatever feed they come from."""
+    """Draws pictures, whatever feed they come from, on one visitor's page or into a file."""
 
     def __init__(
-        self, server: viser.ViserServer, model: SceneModel, select: Callable[[int], None]
+        self,
+        to: viser.ViserServer | viser.ClientHandle,
+        model: SceneModel,
+        select: Callable[[int], None],
     ) -> None:
-        """Draw the static part; `select` is called with the index of an agent that is clicked."""
-        self._server, self._model, self._select = server, model, select
-        self._static = StaticNodes(server.scene, model, LIGHT)
-        self.agents = agents.AgentNodes(server.scene, model)
-        self.arrows = agents.ArrowNodes(server.scene, LIGHT)
-        self.lines = agents.LineNodes(server.scene, model, LIGHT)
-        self.labels = LabelNodes(server.scene, model)
-        self.banner = Panel(server.gui, markup(), order=-1.0)
-        Panel(server.gui, legend(), order=99.0)
-        self.selection = agents.SelectionNodes(server.scene, LIGHT)
-        self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
-        self.cameras.expect(np.stack(model.extent))
+        """Draw the static part; `select` is called with the index of an agent that is clicked.
+
+        to: the visitor; or a server without visitors, which writes the file.
+        """
+        self._to, self._model, self._select = to, model, select
+        self._static = StaticNodes(to.scene, model, LIGHT)
+        self.agents = agents.AgentNodes(to.scene, model)
+        self.arrows = agents.ArrowNodes(to.scene, LIGHT)
+        self.lines = agents.LineNodes(to.scene, model, LIGHT)
+        self.labels = LabelNodes(to.scene, model)
+        self.banner = Panel(to.gui, markup(), order=-1.0)
+        Panel(to.gui, legend(), order=99.0)
+        self.selection = agents.SelectionNodes(to.scene, LIGHT)
+        client = to if isinstance(to, viser.ClientHandle) else None
+        self.camera = Camera(client, _direction(model.flat), _REACH * model.body)
+        self.camera.expect(model.corners)
         self.stale = False
-        """True if a visitor came or moved the camera since the last picture."""
+        """True if the visitor came or moved the camera since the last picture."""
         self._positions: Array | None = None
-        self._poses: dict[int, tuple[float, ...]] = {}
-        """Each visitor's last camera pose and size of the picture."""
+        self._pose: tuple[float, ...] = ()
+        """The last camera pose and size of the picture."""
         self.agents.on_click(self._on_click)
-        server.on_client_connect(in_loop(self._on_visitor))
+        if client is not None:
+            client.camera.on_update(in_loop(self._on_camera))
 
     def expect(self, trajectory: Array) -> None:
         """Show all of a run: its positions, shape (s, N, 3)."""
-        self.cameras.expect(trajectory.reshape(-1, 3))
-        self.cameras.keep(Framing.RUN)
+        self.camera.expect(trajectory.reshape(-1, 3))
+        self.camera.keep(Framing.RUN)
 
     def show(self, picture: Picture, selected: int | None) -> None:
         self.stale = False
         positions, model = picture.positions, self._model
-        # One message to every page, so that no browser paints bodies of one instant and lines of
-        # another.
-        with self._server.atomic():
-            view = self.cameras.show(positions, selected)
+        # One message, so that no browser paints bodies of one instant and lines of another.
+        with self._to.atomic():
+            view = self.camera.show(positions, selected)
             readable = _READABLE_OF_MANY if model.crowded else _READABLE
             readable *= min(view.enlargement, 2.0)
             # In thousandths of a body: sizes that differ by rounding alone would be sent again.
@@ -78,15 +87,9 @@ class Scene:
             part.set_palette(palette)
         self.stale = True
 
-    def _on_visitor(self, client: viser.ClientHandle) -> None:
-        client.camera.on_update(in_loop(self._on_camera))
-        self.stale = True
-
     def _on_camera(self, camera: viser.CameraHandle) -> None:
         pose = (*camera.position, *camera.look_at, camera.image_width, camera.image_height)
-        if self._poses.get(camera.client.client_id) != pose:
-            self._poses[camera.client.client_id] = pose
-            self.stale = True
+        self.stale, self._pose = self.stale or pose != self._pose, pose
 
     def _on_click(self, event: agents.Click) -> None:
         if event.instance_index is not None:
@@ -94,6 +97,16 @@ class Scene:
         elif self._positions is not None:
             ray = np.array(event.ray_origin), np.array(event.ray_direction)
             self._select(agents.nearest_to_ray(self._positions, *ray))
+
+
+def begin_with(server: viser.ViserServer, model: SceneModel, positions: Array) -> None:
+    """Make pages, and a file, begin with a view of positions of a run, shape (s, 3)."""
+    first = _direction(model.flat).fitted(positions, _REACH * model.body)
+    server.scene.set_up_direction(first.up)  # a browser that is sent this later begins again
+    camera = server.initial_camera
+    camera.up, camera.fov = tuple(first.up), first.fov
+    camera.near, camera.far = 1e-3 * first.distance, 1e2 * first.distance
+    camera.position, camera.look_at = tuple(first.position), tuple(first.look_at)
 
 
 def _direction(flat: bool) -> View:
@@ -108,7 +121,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
     """Add the folder of display options to the panel."""
     framings = tuple(framing.value for framing in Framing)
     with gui.add_folder("Display", order=80):
-        framing = gui.add_dropdown("Keep in sight", framings, initial_value=scene.cameras.framing)
+        framing = gui.add_dropdown("Keep in sight", framings, initial_value=scene.camera.framing)
         fit = gui.add_button("Fit the view")
         arrows = gui.add_checkbox("Inputs", True)
         paths = gui.add_checkbox("Recent paths", True)
@@ -118,7 +131,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
 
     def keep(event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:  # viser also calls back when the scene sets the value
-            scene.cameras.keep(Framing(framing.value))
+            scene.camera.keep(Framing(framing.value))
             scene.stale = True
 
     def set_dark(_: object) -> None:
@@ -134,7 +147,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
 
         box.on_update(in_loop(show))
 
-    scene.cameras.on_keep = lambda kept: setattr(framing, "value", kept.value)
+    scene.camera.on_keep = lambda kept: setattr(framing, "value", kept.value)
     framing.on_update(in_loop(keep))
     fit.on_click(in_loop(keep))
     dark.on_update(in_loop(set_dark))

@@ -32,7 +32,6 @@ class StaticNodes:
         scene.add_light_ambient("/lights/ambient", intensity=ambient)
         scene.add_light_directional("/lights/sun", intensity=sun, position=(1.0, -2.0, 4.0))
         scene.configure_fog(1.0, 2.0, enabled=False)
-        scene.set_up_direction("+y" if model.flat else "+z")
         cell = 10.0 ** round(math.log10(span / 20.0))
         # A little lower than what lies on the plane: two surfaces at one depth flicker.
         position = (middle[0], middle[1], model.floor - 0.02 * model.body)

@@ -1,0 +1,81 @@
+"""Each visitor has an agent, a camera and options of its own; time alone is the same for all."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from phalanx_viewer.feeds.replay import open_replay
+from phalanx_viewer.page.page import Page
+from websockets.sync.client import connect
+
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from tests.process.runs import COMMAND_SECRET, HELD, live_run
+from tests.process.viewer.pages import Client, served, viewer, visitor
+
+pytestmark = pytest.mark.swarm
+
+
+def test_a_command_is_for_the_agent_on_its_button_whatever_others_choose(tmp_path: Path) -> None:
+    with (
+        live_run(load("unicycles", ["duration=1.0"]), tmp_path / "live", HELD) as run,
+        viewer("--connect", run.endpoint, "--run", "live", command_secret=COMMAND_SECRET) as page,
+    ):
+        address, _, token = page.url.partition("/?token=")
+        port = int(address.rpartition(":")[2])
+        with (
+            visitor(port) as first,
+            visitor(port) as second,
+            connect(f"ws://127.0.0.1:{port}/actions") as acting,
+        ):
+            operator, other = Client(first), Client(second)
+            acting.send(msgspec.json.encode({"visitor": operator.name, "token": token}))
+            ours, theirs = operator.field("Agent"), other.field("Agent")
+            operator.click(ours, "5")
+            buttons = operator.group("Kill 5")
+            for chosen in (theirs, ours):  # the operator's is not there for others
+                other.click(chosen, "2")
+            operator.click(buttons, "Kill 5")
+            operator.until("(agent 5 killed)")
+            assert "'Kill 2'" not in operator.received
+            run.set_speed(0.0)
+            run.summary()
+    commands = read(tmp_path / "live").commands
+    assert [(c.kind, c.agent) for c in commands] == [("kill", "5"), ("speed", "")]
+
+
+def shown(page: Page) -> list[tuple[int, str, bool]]:
+    """Return each visitor's agent, framing, and whether inputs are drawn, the first one first."""
+    return [
+        (v.selected, v.scene.camera.framing.value, v.scene.arrows.applied.visible)
+        for v in page.visitors.values()
+    ]
+
+
+def test_what_a_visitor_sets_is_not_set_for_others(finished: Path) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        port = page.server.get_port()
+        with (
+            visitor(port) as first,
+            visitor(port) as second,
+            connect(f"ws://127.0.0.1:{port}/actions") as acting,
+        ):
+            ours, other = Client(first), Client(second)
+            ours.until("(t = 0.000 s)")
+            set_by_other = {"Agent": "4", "Keep in sight": "the swarm", "Dark": True}
+            set_by_other |= dict.fromkeys(("Inputs", "Recent paths", "Goals"), False)
+            fields = {label: other.field(label) for label in set_by_other}
+            ours.clicked, before = len(ours.received), shown(page)
+            for label, value in set_by_other.items():
+                other.click(fields[label], value)
+            acting.send(msgspec.json.encode({"seek": replay.end}))
+            for client in (ours, other):
+                client.until(f"(t = {replay.end:.3f} s)")
+            after = shown(page)
+    assert after[0] == before[0] == before[1] == (0, "the whole run", True)
+    assert after[1] == (3, "the swarm", False)
+    assert "dark_mode': True" in other.received
+    sent = ours.received[ours.clicked :]
+    assert "dark_mode': True" not in sent
+    assert not any(uuid in sent for uuid in fields.values())

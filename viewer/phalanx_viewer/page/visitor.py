@@ -1,0 +1,116 @@
+"""One visitor's page: scene, texts and plots, of the agent and view that the visitor chose."""
+
+import json
+import time
+
+import msgspec
+import viser
+
+from phalanx.wire.messages import Frame
+from phalanx_viewer.feeds.feed import Feed
+from phalanx_viewer.feeds.live import Live
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.panels import CommandPanel, Panels
+from phalanx_viewer.plots.plots import content, values_at
+from phalanx_viewer.scene.picture import Picture
+from phalanx_viewer.scene.scene import Scene, add_display
+from phalanx_viewer.scene.server import send_script
+
+_TEXT_PERIOD = 0.2
+"""Wall time between two updates of texts [s]: they are slower than the scene."""
+_PLOT_PERIOD = 1.0
+"""Least wall time between two updates of a live run's plots [s]: each sends all of them."""
+_PLOT_SHARE = 0.01
+"""Largest share of the time spent on plots: with many agents they are updated less often."""
+
+
+class Visitor:
+    """One visitor's choices and page; the run's time alone is the same for all visitors."""
+
+    def __init__(self, client: viser.ClientHandle, feed: Feed, script: str) -> None:
+        """Fill a browser's page. script: JavaScript that adds `phalanx` to its window."""
+        self.client, self._model = client, feed.model
+        self.selected = 0
+        """The chosen agent."""
+        self._commands: CommandPanel | None = None
+        send_script(client, "script", script)
+        self.scene = Scene(client, feed.model, self.select)
+        self._panels = Panels(client.gui, feed.model, self.select)
+        add_display(client.gui, self.scene)
+        self.stale = True
+        """True until texts show the last frame and choice."""
+        self._texts_due, self._pair = 0.0, 0
+        self.follow(feed)
+
+    def follow(self, feed: Feed) -> None:
+        """Show a feed from now on: of a live run, or of its recording."""
+        if isinstance(feed, Replay):
+            self.scene.expect(feed.history.trajectory)
+            if self._commands:
+                self._commands.folder.remove()
+                self._commands = None
+        self._feed, self._plotted, self._plots_due = feed, (-1, -1, -1), 0.0
+        self.stale = True
+
+    def admit(self, live: Live) -> None:
+        """Let the visitor command a live run."""
+        chosen = self._model.names[self.selected]
+        self._commands = self._commands or CommandPanel(self.client.gui, live, chosen)
+
+    def select(self, i: int) -> None:
+        """Make agent i the chosen one."""
+        self.selected = i
+        self._panels.show_selected(i)
+        if self._commands:
+            self._commands.show_selected(self._model.names[i])
+        self.stale, self._plots_due = True, 0.0
+
+    def tick(self) -> bool:
+        """Send the plots if there is more to plot; return whether there may be more to show."""
+        self._plot()
+        self.scene.camera.request_shape()
+        return self.stale or self.scene.stale
+
+    def show(self, frame: Frame, picture: Picture) -> None:
+        """Show a frame; its texts a few times a second."""
+        now = time.monotonic()
+        if texts_due := now >= self._texts_due:
+            # Before anything is shown: a selection made meanwhile shows at the next tick.
+            self.stale, self._texts_due = False, now + _TEXT_PERIOD
+        self.scene.show(picture, self.selected)
+        if texts_due or isinstance(self._feed, Replay):
+            self._call("at", self._clock(frame))
+        if texts_due:
+            self._show_texts(frame)
+
+    def _clock(self, frame: Frame) -> dict[str, object]:
+        values = values_at(self._feed, frame, self.selected, self._pair)
+        return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
+
+    def _show_texts(self, frame: Frame) -> None:
+        """Send texts and recent paths, in one message."""
+        with self.client.atomic():
+            self._panels.show(frame, self.selected, self._feed)
+            self.scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
+            if self._commands:
+                self._commands.show(frame)
+
+    def _plot(self) -> None:
+        now, rows = time.monotonic(), self._feed.history.totals
+        shown = self.selected, len(rows), len(self._feed.log)
+        if shown == self._plotted or now < self._plots_due:
+            return
+        began, names = time.thread_time(), self._model.names
+        others = [] if self._model.crowded else range(len(names))
+        curves_of = [self.selected, *(i for i in others if i != self.selected)]
+        seekable = isinstance(self._feed, Replay)
+        drawn = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
+        self._call("show", drawn)
+        self._pair, self.stale = drawn.pair, True
+        taken = time.thread_time() - began
+        self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
+
+    def _call(self, function: str, argument: object) -> None:
+        """Call a function of the script with an argument as JSON."""
+        quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
+        send_script(self.client, function, f"window.phalanx.{function}(JSON.parse({quoted}))")
