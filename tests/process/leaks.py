@@ -1,8 +1,11 @@
 """A search for secrets in all that a run leaves behind."""
 
 import base64
+import io
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+
+from mcap.stream_reader import StreamReader
 
 
 def leaks(secrets: Mapping[str, bytes], texts: Mapping[str, bytes]) -> list[str]:
@@ -16,9 +19,17 @@ def leaks(secrets: Mapping[str, bytes], texts: Mapping[str, bytes]) -> list[str]
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    """Return the content of every file in a folder, by its path there."""
+    """Return the content of every file in a folder, by its path there; recordings uncompressed."""
     files: Iterable[Path] = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+    return {str(path.relative_to(folder)): _content(path) for path in files}
+
+
+def _content(path: Path) -> bytes:
+    content = path.read_bytes()
+    if path.suffix != ".mcap":
+        return content
+    records = StreamReader(io.BytesIO(content)).records
+    return content + b"".join(getattr(record, "data", b"") for record in records)
 
 
 def _spellings(secret: bytes) -> Iterator[bytes]:

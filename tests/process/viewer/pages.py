@@ -25,6 +25,7 @@ from tests.process.runs import SECRET, free_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator
+    from playwright.sync_api import Page as Tab
 
 PATIENCE = 120.0
 """Time for a page on busy cores to say something [s]."""
@@ -38,6 +39,14 @@ def drawn(canvas: "Locator") -> str:
     """
     pixels: str = canvas.evaluate("canvas => canvas.toDataURL()")
     return pixels
+
+
+def labelled(tab: "Tab", label: str) -> "Locator":
+    """The first text field of a labelled row."""
+    row = tab.locator("label", has_text=label).first.locator(
+        "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
+    )
+    return row.locator("input").first
 
 
 class Viewer:
@@ -83,9 +92,8 @@ class Viewer:
 
 
 def chosen(page: Page) -> int:
-    """The agent that a page's only visitor chose."""
-    (visitor,) = page.visitors.values()
-    return visitor.selected
+    """The agent that a page's only visitor chose; -1 before there is one."""
+    return next((visitor.selected for visitor in page.visitors.values()), -1)
 
 
 @contextlib.contextmanager
@@ -99,19 +107,27 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
         print(started.process.communicate()[0])  # seen if the test fails
 
 
-@contextlib.contextmanager
-def visitor(
-    port: int, position: Sequence[float] = (0.0, 0.0, 0.0), look_at: Sequence[float] = (1.0,) * 3
-) -> Iterator[ClientConnection]:
-    """A visitor without a browser, who looks from one point of the scene at another."""
+Numbers = Sequence[float]
+
+
+def camera_message(position: Numbers, look_at: Numbers, wxyz: Numbers) -> bytes:
+    """A browser's report of where its camera is, and where it looks."""
     camera = {
-        "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "fov": 1.0,
+        "type": "ViewerCameraMessage", "wxyz": wxyz, "fov": 1.0,
         "position": position, "look_at": look_at, "up_direction": [0.0, 1.0, 0.0],
         "near": 0.1, "far": 9.0, "image_height": 9, "image_width": 9,
     }  # fmt: skip
+    return msgspec.msgpack.encode(camera)
+
+
+@contextlib.contextmanager
+def visitor(
+    port: int, position: Numbers = (0.0, 0.0, 0.0), look_at: Numbers = (1.0,) * 3
+) -> Iterator[ClientConnection]:
+    """A visitor without a browser, who looks from one point of the scene at another."""
     protocol = Subprotocol(f"viser-v{viser.__version__}")
     with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol]) as connection:
-        connection.send(msgspec.msgpack.encode(camera))
+        connection.send(camera_message(position, look_at, (1.0, 0.0, 0.0, 0.0)))
         yield connection
 
 

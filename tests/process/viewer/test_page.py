@@ -21,7 +21,7 @@ from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import chosen, drawn, served, viewer
+from tests.process.viewer.pages import chosen, drawn, labelled, served, viewer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, WebSocket
@@ -164,12 +164,15 @@ def test_an_agents_name_and_enter_choose_it_and_the_keys_move_the_cursor_again(
     out = phalanx.run(load("swarm2d", ["duration=0.1"]), engine="in-process", out=tmp_path)
     with served(replay := open_replay(out.folder)) as page:
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        field = tab.get_by_role("textbox", name="Agent")
+        field = labelled(tab, "Agent")
         for typed, name in (("11", "11"), ("1", "1"), ("nobody", "1"), ("6", "6")):
             field.click()
             field.fill(typed)
             field.press("Enter")
             wait_for(lambda name=name: chosen(page) == replay.model.names.index(name))  # type: ignore[misc]
+        field.click()
+        tab.get_by_role("option", name="7", exact=True).click()
+        wait_for(lambda: chosen(page) == replay.model.names.index("7"))
         tab.keyboard.press("End")
         wait_for(lambda: replay.t == replay.end)
 

@@ -19,7 +19,7 @@ import phalanx
 from phalanx.arrays import Array
 from phalanx.scenario.load import load
 from tests.process.runs import free_port, wait_for
-from tests.process.viewer.pages import chosen, served, visitor
+from tests.process.viewer.pages import camera_message, chosen, labelled, served, visitor
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
@@ -49,10 +49,7 @@ def open_tab(tab: "Tab", server: SceneServer) -> Callable[[], View]:
 
 def keep(tab: "Tab", framing: Framing) -> None:
     """Choose what the cameras keep in sight."""
-    row = tab.locator("label", has_text="Keep in sight").locator(
-        "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
-    )
-    row.locator("input").first.click()
+    labelled(tab, "Keep in sight").click()
     tab.get_by_role("option", name=framing.value).click()
 
 
@@ -245,7 +242,7 @@ def test_an_agent_that_a_visitor_follows_is_in_the_middle(tab: "Tab", finished: 
     replay = open_replay(finished)
     with served(replay) as page:
         view = open_tab(tab, page.server)
-        (visitor,) = page.visitors.values()
+        (visitor,) = wait_for(page.visitors.copy).values()
         page.server.run(lambda: visitor.select(3))
         keep(tab, Framing.AGENT)
 
@@ -281,6 +278,29 @@ def test_a_visitor_who_comes_while_an_agent_is_shown_sees_it_from_above_and_afar
         (client,) = server.get_clients().values()
         assert client.camera.look_at == pytest.approx(TOGETHER[1])
         assert client.camera.position[2] > 1.0
+
+
+def test_a_whole_run_stays_in_sight_beyond_what_was_known_and_after_the_view_is_reset() -> None:
+    with (
+        page_from_above(TOGETHER) as server,
+        visitor(server.get_port(), position=[0.1, 0.0, -0.2], look_at=[0.1, 0.0, 0.0]) as browser,
+    ):
+        (client,) = wait_for(server.get_clients).values()
+        camera, fov = camera_of(server, TOGETHER), FROM_ABOVE.fov
+        camera.keep(Framing.RUN)
+
+        def holds(swarm: Array) -> bool:
+            server.run(lambda: camera.show(swarm, None))
+            seen = client.camera
+            return View(seen.position, seen.look_at, seen.up_direction, fov, 1.0).holds(swarm)
+
+        assert holds(TOGETHER)
+        assert holds(left := 20.0 * TOGETHER)
+        first = server.initial_camera
+        at, towards = (np.asarray(point).tolist() for point in (first.position, first.look_at))
+        browser.send(camera_message(at, towards, (0.0, 1.0, 0.0, 0.0)))
+        wait_for(lambda: client.camera.position == pytest.approx(first.position))
+        assert holds(left)
 
 
 def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(

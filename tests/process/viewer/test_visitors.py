@@ -10,7 +10,7 @@ from websockets.sync.client import connect
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from tests.process.runs import COMMAND_SECRET, HELD, live_run
+from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 from tests.process.viewer.pages import Client, served, viewer, visitor
 
 pytestmark = pytest.mark.swarm
@@ -79,3 +79,14 @@ def test_what_a_visitor_sets_is_not_set_for_others(finished: Path) -> None:
     sent = ours.received[ours.clicked :]
     assert "dark_mode': True" not in sent
     assert not any(uuid in sent for uuid in fields.values())
+
+
+def test_nothing_is_kept_for_visitors_who_left(finished: Path) -> None:
+    with served(open_replay(finished)) as page:
+        for _ in range(5):
+            with visitor(page.server.get_port()):
+                pass
+        with visitor(page.server.get_port()) as last:
+            Client(last).until("(t = 0.000 s)")
+            wait_for(lambda: len(page.visitors) == 1)
+        wait_for(lambda: not page.visitors)

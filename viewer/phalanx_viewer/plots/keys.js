@@ -29,5 +29,8 @@ addEventListener("keydown", event => {
   if (!typed) return;
   event.stopImmediatePropagation();
   typed.click();
-  field.blur();  // the next keys are not text
 }, { capture: true });
+// The keys after a choice are no text.
+addEventListener("click", ({ target }) => {
+  if (target.closest("[role=option]")) document.activeElement.blur();
+});
