@@ -1,7 +1,7 @@
 """Add to viser's server what it has no option for: check origins, and replace scripts by name.
 
 viser 1.1 calls websockets' serve() in a thread of its own, without `origins` and with one handler
-for all paths. It sends a slow visitor every script, where the last of a kind would do.
+for all paths. It keeps every script, and every later visitor runs it again.
 
 Upstream has no issue yet. Its text: "ViserServer should take `origins` for websockets.serve():
 without it any page that a user visits can connect to the server on his machine and command it.
@@ -47,7 +47,7 @@ def serving(
 
 
 def named_script(name: str, source: str) -> RunJavascriptMessage:
-    """Make a script that replaces the last one of its name, if that has not been sent yet."""
+    """Make a script that replaces the last one of its name for later visitors."""
     message = RunJavascriptMessage(source)
     message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
     return message

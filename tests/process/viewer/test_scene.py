@@ -115,9 +115,7 @@ def page_from_above(swarm: Array) -> Iterator[SceneServer]:
 def camera_of(server: SceneServer, swarm: Array) -> Camera:
     """The camera of the page's only visitor, which expects a swarm."""
     (client,) = server.get_clients().values()
-    camera = Camera(client, FROM_ABOVE, reach=0.1)
-    camera.expect(swarm)
-    return camera
+    return Camera(client, FROM_ABOVE, 0.1, swarm)
 
 
 @contextmanager

@@ -66,10 +66,7 @@ class Action(msgspec.Struct, frozen=True):
 
 
 class Page:
-    """The page of one feed, for every visitor.
-
-    All visitors see the run at one time: who moves a replay's cursor, moves it for all. Everything
-    else is each visitor's own.
+    """The page of one feed: all visitors see one time, and each chooses all else.
 
     tick() and replay() are called in one thread, everything else in the server's.
     """
@@ -82,8 +79,7 @@ class Page:
         token: secret of visitors that may command a live run; empty: none may.
         """
         self._feed, self._token = feed, token
-        self.visitors: dict[str, Visitor] = {}
-        """By name."""
+        self.visitors = dict[str, Visitor]()
         self.server = open_page(host, port, f"Phalanx: {feed.model.scenario.name}", origins)
         self._begin_with(feed)
         self.server.gui.main_panel.dock_left()
@@ -111,7 +107,7 @@ class Page:
         # The token comes by another connection: under a name that cannot be guessed.
         name = secrets.token_urlsafe(16)
         connect = script() + _CONNECT.replace("NAME", name)
-        self.visitors[name] = Visitor(client, self._feed, connect)
+        self.visitors[name] = Visitor(self.server, client, self._feed, connect)
 
     def _on_leave(self, client: viser.ClientHandle) -> None:
         self.visitors = {k: v for k, v in self.visitors.items() if v.client is not client}
@@ -146,23 +142,25 @@ class Page:
         except msgspec.DecodeError as error:
             log.warning("not an action: %s", error)
             return
-        visitor, feed = self.visitors.get(action.visitor), self._feed
-        if visitor and isinstance(feed, Live) and feed.commandable and self._token:
-            if hmac.compare_digest(action.token.encode(), self._token.encode()):
-                visitor.admit(feed)
-            else:
-                log.warning("a visitor with a wrong token may look, but not command")
-        if isinstance(feed, Replay):
-            _move(feed, action)
+        self._admit(self.visitors.get(action.visitor), action.token)
+        replay = self._feed
+        if not isinstance(replay, Replay):
+            return
+        if action.seek is not None:
+            replay.seek(action.seek)
+        if action.step is not None:
+            replay.step(action.step)
+        if action.play is not None:
+            replay.play(action.play)
+        if action.speed is not None:
+            replay.set_speed(action.speed)
 
-
-def _move(replay: Replay, action: Action) -> None:
-    """Move the cursor of a replay."""
-    if action.seek is not None:
-        replay.seek(action.seek)
-    if action.step is not None:
-        replay.step(action.step)
-    if action.play is not None:
-        replay.play(action.play)
-    if action.speed is not None:
-        replay.set_speed(action.speed)
+    def _admit(self, visitor: Visitor | None, token: str) -> None:
+        """Let a visitor command the run, if it sent the token of the address."""
+        live = self._feed
+        if visitor is None or not (isinstance(live, Live) and live.commandable and self._token):
+            return
+        if hmac.compare_digest(token.encode(), self._token.encode()):
+            visitor.admit(live)
+        else:
+            log.warning("a visitor with a wrong token may look, but not command")

@@ -14,7 +14,7 @@ from phalanx_viewer.page.panels import CommandPanel, Panels
 from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, add_display
-from phalanx_viewer.scene.server import send_script
+from phalanx_viewer.scene.server import SceneServer
 
 _TEXT_PERIOD = 0.2
 """Wall time between two updates of texts [s]: they are slower than the scene."""
@@ -27,18 +27,18 @@ _PLOT_SHARE = 0.01
 class Visitor:
     """One visitor's choices and page; the run's time alone is the same for all visitors."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed, script: str) -> None:
+    def __init__(
+        self, server: SceneServer, client: viser.ClientHandle, feed: Feed, script: str
+    ) -> None:
         """Fill a browser's page. script: JavaScript that adds `phalanx` to its window."""
-        self.client, self._model = client, feed.model
+        self._server, self.client, self._model = server, client, feed.model
         self.selected = 0
         """The chosen agent."""
         self._commands: CommandPanel | None = None
-        send_script(client, "script", script)
+        server.run_script("script", script, client)
         self.scene = Scene(client, feed.model, self.select)
         self._panels = Panels(client.gui, feed.model, self.select)
         add_display(client.gui, self.scene)
-        self.stale = True
-        """True until texts show the last frame and choice."""
         self._texts_due, self._pair = 0.0, 0
         self.follow(feed)
 
@@ -51,11 +51,13 @@ class Visitor:
                 self._commands = None
         self._feed, self._plotted, self._plots_due = feed, (-1, -1, -1), 0.0
         self.stale = True
+        """True until texts show the last frame and choice."""
 
     def admit(self, live: Live) -> None:
         """Let the visitor command a live run."""
         chosen = self._model.names[self.selected]
         self._commands = self._commands or CommandPanel(self.client.gui, live, chosen)
+        self.stale = True  # the panel has to show what is in force, even in a pause
 
     def select(self, i: int) -> None:
         """Make agent i the chosen one."""
@@ -79,13 +81,11 @@ class Visitor:
             self.stale, self._texts_due = False, now + _TEXT_PERIOD
         self.scene.show(picture, self.selected)
         if texts_due or isinstance(self._feed, Replay):
-            self._call("at", self._clock(frame))
+            values = values_at(self._feed, frame, self.selected, self._pair)
+            clock = {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}
+            self._call("at", clock | {"values": values})
         if texts_due:
             self._show_texts(frame)
-
-    def _clock(self, frame: Frame) -> dict[str, object]:
-        values = values_at(self._feed, frame, self.selected, self._pair)
-        return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
 
     def _show_texts(self, frame: Frame) -> None:
         """Send texts and recent paths, in one message."""
@@ -113,4 +113,5 @@ class Visitor:
     def _call(self, function: str, argument: object) -> None:
         """Call a function of the script with an argument as JSON."""
         quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
-        send_script(self.client, function, f"window.phalanx.{function}(JSON.parse({quoted}))")
+        call = f"window.phalanx.{function}(JSON.parse({quoted}))"
+        self._server.run_script(function, call, self.client)

@@ -179,21 +179,25 @@ class _Moved:
 class Camera:
     """Moves one visitor's camera; direction and zoom are the visitor's own."""
 
-    def __init__(self, client: viser.ClientHandle | None, first: View, reach: float) -> None:
-        """Begin with a view; reach: radius around a position that is shown [m].
+    def __init__(
+        self, client: viser.ClientHandle | None, first: View, reach: float, positions: Array
+    ) -> None:
+        """Look in the direction of a view; without a client nothing moves.
 
-        Without a client nothing moves.
+        reach: radius around a position that is shown [m]. positions: as expect() takes them.
         """
         self._client, self._first, self._reach = client, first, reach
-        self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
+        self.framing = Framing.SWARM
         self._moved: _Moved | None = None
         self._requested_at, self._nudge = 0.0, _NUDGE
         self.on_keep: Callable[[Framing], None] = lambda _: None
         """Called with each change of `framing`."""
+        self.expect(positions)
 
     def expect(self, positions: Array) -> None:
         """Begin with a view of all of these positions of a run, shape (s, 3)."""
         self._run, self._first = positions, self._first.fitted(positions, self._reach)
+        self._known = positions.min(axis=0), positions.max(axis=0)
 
     def keep(self, framing: Framing) -> None:
         """Set the part of the run that is shown; one agent from the visitor's distance."""
@@ -212,10 +216,7 @@ class Camera:
             self._client.camera.fov = self._first.fov * (1.0 + self._nudge)
 
     def show(self, positions: Array, chosen: int | None) -> View:
-        """Move the camera to what it shows; positions has shape (N, 3).
-
-        Returns the visitor's view.
-        """
+        """Move the camera to what it shows of positions, shape (N, 3); return what is seen."""
         if self._client is None or not (view := self._view(self._client)).possible:
             return self._first  # a browser may report an impossible one
         if self._moved and _steady(view, self._first) and not _steady(self._moved.sent, view):
@@ -223,18 +224,18 @@ class Camera:
         if self.framing is Framing.RUN:
             self._fit_run(self._client, view, positions)
         else:
-            single = self.framing is Framing.AGENT and chosen is not None
-            kept = positions[chosen : chosen + 1] if single and chosen is not None else positions
-            self._follow(self._client, view, kept, single)
+            only = chosen if self.framing is Framing.AGENT else None
+            self._follow(self._client, view, positions, only)
         return view
 
     def _fit_run(self, client: viser.ClientHandle, seen: View, positions: Array) -> None:
         """Show the whole run once, and when the picture's shape or the known run changed."""
-        moved, low, high = self._moved, self._run.min(axis=0), self._run.max(axis=0)
+        moved, (low, high) = self._moved, self._known
         beyond = np.maximum(positions - high, low - positions).max() > self._reach
-        if beyond:  # where nobody knew that a live run goes: farther, so that this is seldom
+        if beyond:  # a live run goes on: show more than it has reached, so that this is seldom
             middle = (low + high) / 2.0
             self._run = np.concatenate([self._run, middle + _LOOSE * (positions - middle)])
+            self._known = self._run.min(axis=0), self._run.max(axis=0)
         if moved is None or beyond or not _close(moved.sent.aspect, seen.aspect):
             # A new visitor has no direction of its own, and its camera may not be in place yet.
             towards = self._first if moved is None else seen
@@ -244,7 +245,7 @@ class Camera:
             self._moved.send(client, fitted)
 
     def _follow(
-        self, client: viser.ClientHandle, seen: View, positions: Array, single: bool
+        self, client: viser.ClientHandle, seen: View, positions: Array, only: int | None
     ) -> None:
         moved = self._moved
         if moved is None:  # the camera may not be in place yet
@@ -256,9 +257,9 @@ class Camera:
                 moved.on_report(seen)
             if not _close(seen.distance, moved.sent.distance):  # the view sent is on its way
                 seen = replace(moved.sent, aspect=seen.aspect, pixels=seen.pixels)
-        fitted = seen.fitted(positions, self._reach)
+        fitted = seen.fitted(positions if only is None else positions[[only]], self._reach)
         look_at = fitted.look_at
-        if not single:
+        if only is None:
             if _TIGHT <= moved.fit / fitted.distance <= _LOOSE:
                 look_at = seen.pulled(look_at, _LEASH)
             else:

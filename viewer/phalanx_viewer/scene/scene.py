@@ -45,8 +45,7 @@ class Scene:
         Panel(to.gui, legend(), order=99.0)
         self.selection = agents.SelectionNodes(to.scene, LIGHT)
         client = to if isinstance(to, viser.ClientHandle) else None
-        self.camera = Camera(client, _direction(model.flat), _REACH * model.body)
-        self.camera.expect(model.corners)
+        self.camera = Camera(client, _direction(model.flat), _REACH * model.body, model.corners)
         self.stale = False
         """True if the visitor came or moved the camera since the last picture."""
         self._positions: Array | None = None

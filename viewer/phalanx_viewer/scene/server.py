@@ -56,6 +56,14 @@ class SceneServer(viser.ViserServer):
 
         return asyncio.run_coroutine_threadsafe(called(), self.get_event_loop()).result()
 
+    def run_script(self, name: str, source: str, client: viser.ClientHandle | None = None) -> None:
+        """Run JavaScript on one client's page; or on every page, and on later ones, in order.
+
+        Later ones run the last script of each name.
+        """
+        to = self._websock_server if client is None else client._websock_connection
+        to.queue_message(named_script(name, source))
+
     def stop(self) -> None:
         with contextlib.redirect_stdout(io.StringIO()):
             super().stop()
@@ -71,11 +79,6 @@ class SceneServer(viser.ViserServer):
             return
         async for message in connection:
             self.on_action(message)
-
-
-def send_script(client: viser.ClientHandle, name: str, source: str) -> None:
-    """Run JavaScript on one visitor's page; of scripts of one name that wait, the last."""
-    client._websock_connection.queue_message(named_script(name, source))
 
 
 Callback = Callable[[Any], Coroutine[Any, Any, None]]
