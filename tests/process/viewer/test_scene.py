@@ -331,6 +331,29 @@ def test_the_plots_fold_before_they_leave_the_scene_no_room(tab: "Tab", finished
         tab.locator("#phx-plots").wait_for()
 
 
+def test_the_panel_of_a_narrow_page_covers_neither_agents_nor_its_own_end(
+    tab: "Tab", finished: Path
+) -> None:
+    def box(selector: str) -> tuple[float, float]:
+        """Top and bottom of an element."""
+        found = tab.locator(selector).first.bounding_box()
+        assert found is not None
+        return found["y"], found["y"] + found["height"]
+
+    with served(replay := open_replay(finished)) as page:
+        tab.set_viewport_size({"width": 390, "height": 844})
+        view = open_tab(tab, page.server)
+        tab.locator("#phx-timeline").wait_for()
+        for t in (0.0, replay.end):
+            replay.seek(t)
+            wait_for(lambda: view().holds(positions(replay)))
+        scene, panel = box("#root"), box(".mantine-Paper-root")
+        assert scene[1] <= panel[0] + 1.0
+        assert panel[1] <= box("#phx-timeline")[0] + 1.0
+        tab.get_by_text("Phalanx: unicycles").click()  # folds it
+        wait_for(lambda: box("#root")[1] > scene[1] + 200.0)
+
+
 def test_a_banner_sounds_the_alarm_while_a_pair_is_unsafe(tab: "Tab", violated: Path) -> None:
     replay = open_replay(violated)
     with served(replay) as page:
