@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from phalanx.attacks.knobs import Fields
 from phalanx.attacks.trial import START, robustness_of
+from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import scenario_text, set_field
 from phalanx.statistics.rates import Interval, clopper_pearson
@@ -119,15 +120,15 @@ def write_finds(
 
     Files of an earlier state of the search are removed. Raises OSError.
     """
-    own = folder / "found"
-    own.mkdir(exist_ok=True)
+    own = real_folder(folder / "found")
     for old in own.glob("*.toml"):
         old.unlink()
     violated = [each for each in archived if each[1].row.outcome == Outcome.VIOLATED]
     for number, (behaviour, find) in enumerate(violated or archived[:1], 1):
         name = f"{number:02d}-{behaviour.pair.replace(' ', '-')}-{find.when:.2f}s.toml"
         path = own / name
-        path.write_text(text_of(base, behaviour, find, path), encoding="utf-8")
+        with whole_file(path) as part:
+            part.write_text(text_of(base, behaviour, find, path), encoding="utf-8")
         yield behaviour, find, path
 
 

@@ -12,7 +12,7 @@ from phalanx.arrays import Array
 from phalanx.attacks.archive import Behaviour, Find, table_of
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History, Search
-from phalanx.report.html import document, drawing, note, section, sortable, table
+from phalanx.report.html import drawing, note, section, sortable, table, write_document
 from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
 from phalanx.scenario.load import load
 from phalanx.studies.page.svg import svg_of
@@ -41,8 +41,7 @@ def write_attack_page(
             parts.append(section("The best attack", _best(search, archived[0][1], files)))
     else:
         parts.append(note("No run yet."))
-    path.write_text(document(f"Attacks on {name}", [*parts, "</main>"], "72rem"), encoding="utf-8")
-    return path
+    return write_document(path, f"Attacks on {name}", [*parts, "</main>"], "72rem")
 
 
 _INTRODUCTION = (

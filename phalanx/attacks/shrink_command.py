@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from phalanx.files import whole_file
 from phalanx.launcher.streams import echo, echo_error
 
 _ENGINES = ("in-process", "processes")
@@ -45,7 +46,8 @@ def shrink(
     if out is None:
         echo(text)
         return 0
-    out.write_text(text, encoding="utf-8")
+    with whole_file(out) as part:
+        part.write_text(text, encoding="utf-8")
     before, after = found.sizes
     echo(f"{out}: {after} values instead of {before}, after {found.runs} runs")
     return 0

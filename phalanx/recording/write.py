@@ -1,6 +1,5 @@
 """Write a recording during the run."""
 
-import contextlib
 import json
 import os
 import platform
@@ -14,6 +13,7 @@ import msgspec
 
 from phalanx.compat.mcap_chunks import PackedWriter
 from phalanx.faults.commands import Command
+from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, State, Step, StepData, json_schema, schema_name
@@ -104,18 +104,15 @@ def write_summary(summary: Summary, file: Path, recording: RecordingWriter) -> N
 
     On failure the summary's outcome becomes BROKEN, and the file is removed.
     """
-    # Renamed last, which needs no space: if the file exists, the recording is complete.
-    part = file.with_name(f"{file.name}.part")
+    # It appears last, by a rename, which needs no space: if it exists, the recording is complete.
     try:
-        with contextlib.closing(_WholeWrites(part)) as written:
-            written.write(msgspec.json.encode(summary))
-        recording.finish(summary)
-        part.rename(file)
+        with whole_file(file) as part:
+            part.write_bytes(msgspec.json.encode(summary))
+            recording.finish(summary)
     except OSError as error:
         if summary.outcome is not Outcome.BROKEN:
             summary.reason = f"{summary.outcome}, but not written down to its end: {error}"
         summary.outcome = Outcome.BROKEN
-        part.unlink(missing_ok=True)
 
 
 class _WholeWrites:

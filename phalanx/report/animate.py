@@ -18,6 +18,7 @@ from PIL import Image
 from phalanx.arrays import Array
 from phalanx.curves.history import EMPTY_CODES, RecordedHistory, ReportHistory
 from phalanx.faults.commands import Condition
+from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.broadcasts import FATES, LOST
 from phalanx.recording.read import Recording
@@ -60,7 +61,8 @@ def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: in
     history = ReportHistory(recording)
     count = max(int(history.times[-1] / speed * per_second), 1)
     stage = Stage(history, Film(np.linspace(0.0, history.times[-1], count + 1), per_second, speed))
-    (_write_video if path.suffix == ".mp4" else _write_image)(stage, path)
+    with whole_file(path) as part:
+        (_write_video if path.suffix == ".mp4" else _write_image)(stage, part)
     return path
 
 
@@ -110,17 +112,17 @@ class Stage:
             yield number
 
 
-def _write_video(stage: Stage, path: Path) -> None:
+def _write_video(stage: Stage, part: Path) -> None:
     looks = ["-pix_fmt", "yuv420p"]  # what every player can show
     writer = FFMpegWriter(fps=stage.film.per_second, codec="h264", extra_args=looks)
-    with writer.saving(stage.figure, str(path), _RESOLUTION):
+    with writer.saving(stage.figure, str(part), _RESOLUTION):
         for _ in stage.frames():
             writer.grab_frame()
         for _ in range(int(_VERDICT * stage.film.per_second)):
             writer.grab_frame()
 
 
-def _write_image(stage: Stage, path: Path) -> None:
+def _write_image(stage: Stage, part: Path) -> None:
     canvas = FigureCanvasAgg(stage.figure)
 
     def drawn() -> Image.Image:
@@ -135,12 +137,12 @@ def _write_image(stage: Stage, path: Path) -> None:
         drawn().quantize(palette=palette, dither=Image.Dither.NONE) for _ in stage.frames()
     ]
     # The ends of frames are rounded, not their lengths, which would change the speed.
-    unit = _UNITS[path.suffix]
+    unit = _UNITS[part.suffix]
     ends = np.round(np.arange(len(rest) + 1) * 1e3 / stage.film.per_second / unit) * unit
     duration = [*np.diff(ends).astype(int).tolist(), round(1e3 * _VERDICT)]
     lossless: dict[str, Any] = {"lossless": True, "method": 1, "quality": 30}
-    looks = lossless if path.suffix == ".webp" else {}
-    first.save(path, save_all=True, append_images=rest, duration=duration, loop=0, **looks)
+    looks = lossless if part.suffix == ".webp" else {}
+    first.save(part, save_all=True, append_images=rest, duration=duration, loop=0, **looks)
 
 
 def _positions(history: RecordedHistory, times: Array) -> Array:

@@ -3,7 +3,10 @@
 import base64
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 from string import Template
+
+from phalanx.files import whole_file
 
 MOST_ROWS = 60
 """Most rows of a table."""
@@ -90,9 +93,12 @@ for (const table of document.querySelectorAll("table.sortable")) {
 </script>"""
 
 
-def document(title: str, parts: Iterable[str], width: str) -> str:
-    """A whole page, of parts made here; width is CSS."""
-    return _PAGE.substitute(title=escape(title), body="\n".join(parts), width=width)
+def write_document(path: Path, title: str, parts: Iterable[str], width: str) -> Path:
+    """Write a whole page, of parts made here, and return its path; width is CSS. Raises OSError."""
+    text = _PAGE.substitute(title=escape(title), body="\n".join(parts), width=width)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
 
 
 def section(title: str, content: str) -> str:

@@ -3,12 +3,22 @@
 from collections.abc import Sequence
 from html import escape
 from itertools import starmap
+from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.metrics.table import METRIC_HEAD
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
-from phalanx.report.html import MOST_ROWS, document, figure, note, percent, seconds, section, table
+from phalanx.report.html import (
+    MOST_ROWS,
+    figure,
+    note,
+    percent,
+    seconds,
+    section,
+    table,
+    write_document,
+)
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
 from phalanx.theory.rows.origin import (
@@ -35,14 +45,15 @@ _MEANING = {
 }
 
 
-def page(
+def write_page(
+    path: Path,
     recording: Recording,
     metrics: Sequence[Sequence[str]],
     links: Sequence[LinkStatistics],
     figures: Sequence[tuple[str, bytes]],
     notes: Sequence[str],
-) -> str:
-    """The whole report.
+) -> Path:
+    """Write the whole report, and return its path. Raises OSError.
 
     Metrics are rows of METRIC_HEAD, figures are (caption, PNG), notes say what is not drawn.
     """
@@ -62,7 +73,7 @@ def page(
         "<details><summary>The scenario, with every default</summary>"
         f"<pre>{escape(scenario.model_dump_json(by_alias=True, indent=2))}</pre></details>",
     ]
-    return document(title, parts, "64rem")
+    return write_document(path, title, parts, "64rem")
 
 
 def _origin(recording: Recording) -> list[str]:

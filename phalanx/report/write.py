@@ -10,11 +10,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from phalanx.curves.history import ReportHistory
+from phalanx.files import real_folder, whole_file
 from phalanx.metrics.table import metric_rows, metrics_of
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
-from phalanx.report.page import page
+from phalanx.report.page import write_page
 from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, summarises
 
@@ -45,21 +46,21 @@ def write_report(
     drawn: list[tuple[str, bytes]] = []
     with drawn_for(style):
         recording = read(run)
-        figures = recording.path.parent / "figures"
-        figures.mkdir(exist_ok=True)
+        figures = real_folder(recording.path.parent / "figures")
         history, links = ReportHistory(recording), link_statistics(recording)
         for figure in draw_figures(history, links):
             if progress:
                 progress(figure.name)
             if style == "paper":
-                figure.figure.savefig(figures / f"{figure.name}.pdf", metadata=_DATELESS)
+                with whole_file(figures / f"{figure.name}.pdf") as part:
+                    figure.figure.savefig(part, metadata=_DATELESS)
             image = image_of(figure.figure)
-            (figures / f"{figure.name}.png").write_bytes(image)
+            with whole_file(figures / f"{figure.name}.png") as part:
+                part.write_bytes(image)
             drawn.append((figure.caption, image))
-    report = recording.path.parent / REPORT
     metrics = metric_rows(metrics_of(recording, history.swarm))
-    report.write_text(page(recording, metrics, links, drawn, notes(history)), encoding="utf-8")
-    return report
+    report = recording.path.parent / REPORT
+    return write_page(report, recording, metrics, links, drawn, notes(history))
 
 
 def image_of(figure: Figure) -> bytes:

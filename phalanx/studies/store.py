@@ -17,6 +17,7 @@ import msgspec
 import polars as pl
 import tomli_w
 
+from phalanx.files import whole_file
 from phalanx.studies.identity import Identity, versions, versions_of_libraries
 from phalanx.studies.plan import Plan
 from phalanx.studies.row import SCHEMA, Row, flat, json_text
@@ -210,13 +211,7 @@ def _without_none(value: Any) -> Any:
 
 def _replace(file: Path, content: bytes) -> None:
     """Replace a file's content at once. Raises OSError; then the old one remains."""
-    made = file.with_name(f"{file.name}.making")
-    try:
-        with made.open("wb") as opened:
-            opened.write(content)
-            opened.flush()
-            os.fsync(opened.fileno())
-    except OSError:
-        made.unlink(missing_ok=True)
-        raise
-    made.rename(file)
+    with whole_file(file) as part, part.open("wb") as opened:
+        opened.write(content)
+        opened.flush()
+        os.fsync(opened.fileno())

@@ -276,6 +276,13 @@ MUTANTS = (
     Mutant("derivatives of machine code", "phalanx/theory/rows/by_derivatives.py",
            "function.differentiable(count)", "function.mapped(count)",
            "tests/unit/theory/expressions/test_native.py"),
+    Mutant("a link to a folder followed", "phalanx/files/__init__.py",
+           "if path.is_symlink():", "if False:", "tests/unit/files"),
+    Mutant("a link to a file followed", "phalanx/files/__init__.py",
+           "part.replace(path)", "path.write_bytes(part.read_bytes())", "tests/unit/files"),
+    Mutant("a recording in no order of time", "phalanx/recording/read.py",
+           "if found.t < (t := newest.setdefault(of, found.t)):", "if False:",
+           "tests/unit/recording/test_recording.py"),
 )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.arrays": set(),
     "phalanx.compat": set(),
     "phalanx.extensions": set(),
+    "phalanx.files": set(),
     "phalanx.theory": set(),
     "phalanx.theory.expressions": set(),
     "phalanx.theory.models": rooms("theory.expressions"),
@@ -112,7 +113,7 @@ EXTENSIONS = {
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
-BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
+BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions", "phalanx.files"}
 APART = {"bench", "evidence"}
 PUBLIC = {"phalanx", "phalanx.extend", "phalanx.testing"}
 SHOWN = THEORY | rooms(

@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.report.html import document, drawing, note, section, sortable, table
+from phalanx.report.html import drawing, note, section, sortable, table, write_document
 from phalanx.schema.notebook import html_table
 from phalanx.statistics.common_seeds import Rate
 from phalanx.studies.page.figures import (
@@ -82,8 +82,7 @@ def write_study_page(
         section("Rows, the worst first", _rows(frame, axes, command)),
         "</main>",
     ]
-    path.write_text(document(title, parts, "72rem"), encoding="utf-8")
-    return path
+    return write_document(path, title, parts, "72rem")
 
 
 def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False) -> str:

@@ -14,7 +14,6 @@ import platform
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.files import whole_file
 
 log = logging.getLogger("phalanx.theory")
 
@@ -230,8 +230,8 @@ def _source(function: ca.Function) -> str:
 
 def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
     """Compile one library. Processes that do so at once each replace it by the same."""
-    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        file, made = Path(folder) / "f.c", Path(folder) / "f.so"
+    with whole_file(library) as made:
+        file = made.with_name("f.c")
         file.write_text(source)
         done = subprocess.run(
             [*compiler, *_OPTIONS, str(file), "-o", str(made), "-lm"],
@@ -241,4 +241,3 @@ def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
         )
         if done.returncode:
             raise OSError(f"{' '.join(compiler)} failed: {done.stderr.strip()[-300:]}")
-        made.replace(library)

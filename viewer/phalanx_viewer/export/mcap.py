@@ -51,6 +51,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from phalanx.arrays import Array
+from phalanx.files import whole_file
 from phalanx.scenario.load import to_json
 from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
@@ -73,7 +74,7 @@ class TimedMessage(NamedTuple):
 
 def write_mcap(content: Content, path: Path) -> None:
     """Write the whole recording. Raises OSError."""
-    with path.open("wb") as file:
+    with whole_file(path) as part, part.open("wb") as file:
         channels = _Channels(Writer(file))
         sources = [_moving(content), *map(_messages, content.numbers()), _log(content)]
         for timed in heapq.merge(*sources, key=lambda timed: timed.t):

@@ -22,6 +22,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from phalanx.arrays import Array
+from phalanx.files import whole_file
 from phalanx.recording.records import Level
 from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
@@ -37,16 +38,17 @@ def write_rerun(content: Content, path: Path) -> None:
     """Write the whole recording. Raises OSError."""
     model = content.model
     stream = rr.RecordingStream(f"phalanx {model.scenario.name}")
-    stream.save(path, default_blueprint=_blueprint(model))
-    _log_static(stream, model)
-    _log_moving(stream, content)
-    for numbers in content.numbers():
-        _plot(stream, numbers)
-    for line in content.log():
-        stream.set_time(_TIMELINE, duration=_nanoseconds(line.t))
-        stream.log("log", rr.TextLog(line.text, level=_LEVELS[line.level]))
-    stream.flush()
-    stream.disconnect()
+    with whole_file(path) as part:
+        stream.save(part, default_blueprint=_blueprint(model))
+        _log_static(stream, model)
+        _log_moving(stream, content)
+        for numbers in content.numbers():
+            _plot(stream, numbers)
+        for line in content.log():
+            stream.set_time(_TIMELINE, duration=_nanoseconds(line.t))
+            stream.log("log", rr.TextLog(line.text, level=_LEVELS[line.level]))
+        stream.flush()
+        stream.disconnect()
 
 
 def _blueprint(model: SceneModel) -> rrb.Blueprint:

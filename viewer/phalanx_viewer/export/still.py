@@ -10,6 +10,7 @@ from matplotlib.patches import Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from phalanx.arrays import Array
+from phalanx.files import whole_file
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role
 from phalanx_viewer.scene.model import SceneModel
@@ -41,7 +42,8 @@ def draw(replay: Replay, t: float, path: Path) -> None:
     h_tot.axhline(0.0, color="#94a3b8", linestyle="--")
     h_tot.axvline(frame.t, color="#0f172a", linewidth=1.0)
     h_tot.set(xlabel="t [s]", ylabel="h_tot; black: largest h")
-    figure.savefig(path, dpi=150)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=150)
 
 
 def _draw_scene(axes: Any, model: SceneModel, shown: Picture, past: Array) -> None:

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import polars as pl
 
+from phalanx.files import whole_file
 from phalanx.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
@@ -56,7 +57,8 @@ def run(
             continue
         match kind:
             case "html":
-                path.write_text(_document(replay, progress), encoding="utf-8")
+                with whole_file(path) as part:
+                    part.write_text(_document(replay, progress), encoding="utf-8")
             case "png":
                 draw(replay, replay.worst_at if at is None else at, path)
             case "mcap":
@@ -134,9 +136,10 @@ def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str)
     folder.mkdir(parents=True, exist_ok=True)
     paths = {folder / f"{name}.{ending}": table for name, table in tables.items()}
     for path, table in paths.items():
-        if ending == "csv":
-            # Lists become one text each: CSV has none.
-            table.with_columns(pl.col(pl.List(pl.String)).list.join("; ")).write_csv(path)
-        else:
-            table.write_parquet(path)
+        with whole_file(path) as part:
+            if ending == "csv":
+                # Lists become one text each: CSV has none.
+                table.with_columns(pl.col(pl.List(pl.String)).list.join("; ")).write_csv(part)
+            else:
+                table.write_parquet(part)
     return list(paths)
