@@ -227,6 +227,7 @@ class _Contents:
         """Collect all records; return the damage in words, if there is any."""
         kinds = {topic: kind for kind, topic in TOPICS.items()}
         decoders: dict[int, msgspec.json.Decoder[Any]] = {}
+        newest: dict[str | None, float] = {}  # of the states, and of each agent's steps
         try:
             for record in records:
                 if isinstance(record, Channel) and record.topic in kinds:
@@ -234,6 +235,11 @@ class _Contents:
                 elif isinstance(record, Message) and record.channel_id in decoders:
                     found = decoders[record.channel_id].decode(record.data)
                     _require_bounded(record.data)
+                    if isinstance(found, State | Step):
+                        of = getattr(found, "agent", None)
+                        if found.t < (t := newest.setdefault(of, found.t)):
+                            raise ValueError(f"a record of t = {found.t:g} s after one of {t:g} s")
+                        newest[of] = found.t
                     self.records[type(found)].append(found)
                 elif isinstance(record, Metadata) and record.name == "phalanx":
                     self.metadata = record.metadata

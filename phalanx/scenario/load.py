@@ -128,10 +128,13 @@ def to_json(scenario: Scenario) -> str:
 
 
 def from_json(text: str) -> Scenario:
-    """Invert to_json. Raises ScenarioError as load does."""
+    """Invert to_json. Raises ScenarioError with the first problem found."""
     try:
         return Scenario.model_validate_json(text)
-    except (ValidationError, UntrustedCodeError) as error:
+    except ValidationError as error:
+        first, *_ = described(error, "recorded scenario").split("\n")
+        raise ScenarioError(first) from error
+    except UntrustedCodeError as error:
         raise ScenarioError(f"recorded scenario: {error}") from error
 
 

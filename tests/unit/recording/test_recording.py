@@ -476,6 +476,21 @@ def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
     assert found.summary is None
 
 
+@pytest.mark.parametrize("kind", [State, Step])
+def test_what_comes_after_a_later_time_is_damage(tmp_path: Path, kind: type):
+    first = next(each for each in records() if type(each) is kind)
+    of_another = msgspec.structs.replace(GOOD, agent="2", t=0.2)
+    before = [msgspec.structs.replace(first, t=t) for t in (0.1, 0.3, 0.3)]
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(*before, of_another, msgspec.structs.replace(first, t=0.2), of_another)
+        writer.finish(FIGURES)
+    found = read(tmp_path)
+    assert (found.states or found.steps)[:3] == before
+    assert len(found.states) + len(found.steps) == 4
+    assert "a record of t = 0.2 s after one of 0.3 s" in (found.damage or "")
+    assert found.summary is None
+
+
 def test_the_oldest_input_of_a_step_is_that_of_its_ages_also_where_it_is_not_recorded():
     known = msgspec.structs.replace(GOOD, ages=[("2", 0.1), ("3", 0.3)], oldest_input=None)
     assert known.oldest_input == 0.3
