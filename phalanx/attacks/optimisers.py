@@ -98,7 +98,7 @@ def _cma(space: Asked, seed: int, batch: int | None) -> Any:
         from cmaes import CatCMAwM
     except ImportError as error:
         raise ImportError(
-            "cma-es needs cmaes: pip install 'phalanx-swarm[attack]', or take --optimiser random"
+            "cma-es needs cmaes: pip install '.[attack]', or take --optimiser random"
         ) from error
     sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
     if space.numbers:

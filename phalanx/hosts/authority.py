@@ -21,7 +21,7 @@ try:
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 except ImportError as error:
-    needed = "TLS identities need cryptography: pip install 'phalanx-swarm[hosts]'"
+    needed = "TLS identities need cryptography: pip install '.[hosts]'"
     raise typer.BadParameter(needed) from error
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)

@@ -238,7 +238,7 @@ def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
     try:
         from distributed import Client
     except ImportError as error:
-        raise ImportError("--dask needs distributed: pip install 'phalanx-swarm[dask]'") from error
+        raise ImportError("--dask needs distributed: pip install '.[dask]'") from error
     where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     with Client(**where, set_as_default=False, timeout=10) as client:
         threads = sum(client.nthreads().values())

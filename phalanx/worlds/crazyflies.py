@@ -137,7 +137,7 @@ def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[st
     except ModuleNotFoundError as error:
         if error.name == f"drone_models.{model}":
             raise ValueError(f"model: drone-models has no {model}") from error
-        need = "pip install 'phalanx-swarm[drone-models]'"
+        need = "pip install '.[drone-models]'"
         raise ValueError(f"crazyflies needs {error.name}: {need}") from error
     except KeyError as error:
         raise ValueError(f"drone: drone-models has no {drone}") from error

@@ -232,5 +232,5 @@ def _mujoco() -> Any:
     try:
         return import_module("mujoco")
     except ModuleNotFoundError as error:
-        need = "pip install 'phalanx-swarm[mujoco]'"
+        need = "pip install '.[mujoco]'"
         raise ValueError(f"mujoco needs {error.name}: {need}") from error

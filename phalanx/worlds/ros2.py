@@ -104,7 +104,7 @@ class Ros2:
         try:
             connect = extension("ros2-robots")
         except ModuleNotFoundError as error:
-            need = "pip install 'phalanx-swarm[ros2]'"
+            need = "pip install '.[ros2]'"
             raise ValueError(f"ros2 needs {error.name}: {need}") from error
         self._link = connect(self.router, self.domain, tables, self.timeout)
         self._robots = {agent.name: _Robot(agent) for agent in agents}

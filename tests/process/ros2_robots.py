@@ -11,7 +11,7 @@ from subprocess import PIPE
 import phalanx
 from phalanx.wire.session import open_hub, reserved_endpoint
 
-ROBOT = Path(__file__).parents[1] / "ros2_robot.py"
+ROBOT = Path(__file__).parents[2] / "examples" / "ros2_robots" / "robot.py"
 CUT = "3"
 """The agent whose inputs are cut."""
 

@@ -159,7 +159,7 @@ def export(
     if at is not None and png is None:
         raise typer.BadParameter("--at: expected --png with it")
     if rerun is not None and importlib.util.find_spec("rerun") is None:
-        raise typer.BadParameter("--rerun: needs rerun-sdk: pip install 'phalanx-swarm[rerun]'")
+        raise typer.BadParameter("--rerun: needs rerun-sdk: pip install '.[rerun]'")
     configure_logging()
     try:
         for option, path in files.items():

@@ -120,7 +120,7 @@ def missing() -> Iterator[dict[Path, ca.Function]]:
 def require_compiler() -> None:
     """Make the cache of the compiler's libraries. Raises OSError if there can be none."""
     if _compiler() is None:
-        raise OSError("no C compiler: install one as cc, or the wheel phalanx-swarm[compiler]")
+        raise OSError("no C compiler: install one as cc, or pip install '.[compiler]'")
     folder = _folder()
     if folder is None:
         raise OSError(f"the cache of compiled functions is not usable: set {FOLDER}")

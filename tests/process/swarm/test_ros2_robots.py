@@ -1,5 +1,8 @@
 """Robots of an independent ROS 2 client, each a process of its own, in real time."""
 
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -10,7 +13,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.testing import check_world
 from phalanx.wire.session import open_hub, reserved_endpoint
 from phalanx.worlds.ros2 import Ros2
-from tests.process.ros2_robots import CUT, robots, run_with_robots
+from tests.process.ros2_robots import CUT, ROBOT, robots, run_with_robots
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
@@ -47,6 +50,23 @@ def test_robots_over_ros2_keep_the_rules_of_a_world_but_for_determinism():
             command_period=0.02,
         )
         check_world(lambda: replace(near), agents)
+
+
+def test_the_robots_of_the_example_serve_a_run_and_end_by_ctrl_c(tmp_path):
+    command = [sys.executable, ROBOT.with_name("swarm.py"), "worlds/ros2-robots"]
+    with reserved_endpoint() as router:
+        at = f'world.router="{router}"'
+        with subprocess.Popen([*command, at], stdout=subprocess.PIPE, text=True) as swarm:
+            try:
+                assert swarm.stdout.readline() == f"5 robots at {router}; Ctrl-C ends them\n"
+                scenario = phalanx.load("worlds/ros2-robots", [at, "duration=2.0"])
+                run = phalanx.run(scenario, out=tmp_path, real_time=1.0)
+            finally:
+                swarm.send_signal(signal.SIGINT)
+                said = swarm.communicate(timeout=60)[0].splitlines()
+    assert run.verdict in ("guaranteed", "safe")
+    assert [line.partition(":")[0] for line in said] == [f"robot {n}" for n in "12345"]
+    assert not any('"taken": 0' in line for line in said)
 
 
 def test_a_robot_whose_odometry_ends_fails_an_assumption_by_its_name(tmp_path):

@@ -152,7 +152,7 @@ SHOWN = ("Scalars", "Transform3D", "Arrows3D", "Boxes3D", "LineStrips3D", "TextL
 @pytest.fixture(scope="module")
 def for_rerun(finished, tmp_path_factory) -> dict[str, dict[str, list]]:
     """Every column of every entity, as rerun reads them back."""
-    reader = pytest.importorskip("rerun.chunk", reason="needs phalanx-swarm[rerun]").RrdReader
+    reader = pytest.importorskip("rerun.chunk", reason="needs pip install '.[rerun]'").RrdReader
     path = tmp_path_factory.mktemp("exported") / "shown.rrd"
     assert run(finished.recording, rerun=path) == [path]
     assert len(reader(str(path)).blueprints()) == 1

@@ -31,4 +31,4 @@ def test_without_its_library_phalanx_keys_says_what_to_install(
     monkeypatch.setitem(sys.modules, "cryptography", None)
     monkeypatch.delitem(sys.modules, "phalanx.hosts.authority")
     assert status(["keys", "keys", "--scenario", "unicycles"]) == USAGE_ERROR
-    assert "need cryptography: pip install 'phalanx-swarm[hosts]'" in capsys.readouterr().err
+    assert "need cryptography: pip install '.[hosts]'" in capsys.readouterr().err

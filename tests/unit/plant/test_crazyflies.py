@@ -16,7 +16,7 @@ from phalanx.worlds.crazyflies import Crazyflies
 
 needs_models = pytest.mark.skipif(
     importlib.util.find_spec("drone_models") is None,
-    reason="needs drone-models: pip install 'phalanx-swarm[drone-models]'",
+    reason="needs drone-models: pip install '.[drone-models]'",
 )
 START = np.array([1.0, 2.0, 3.0, 0.4, -0.3, 0.2, 0.5, 0.1, -0.05])
 

@@ -21,7 +21,7 @@ from phalanx.worlds.mujoco import Failure, Mujoco
 
 needs_mujoco = pytest.mark.skipif(
     importlib.util.find_spec("mujoco") is None,
-    reason="needs MuJoCo: pip install 'phalanx-swarm[mujoco]'",
+    reason="needs MuJoCo: pip install '.[mujoco]'",
 )
 HEAVY = DynamicUnicycle(4.0, 8.0, drag=1.0, turn_drag=4.0)
 LIGHT = Unicycle(4.0, 2.0)
@@ -142,7 +142,7 @@ def test_without_mujoco_the_error_says_what_to_install(monkeypatch):
         raise ModuleNotFoundError(name=name)
 
     monkeypatch.setattr(mujoco, "import_module", missing)
-    with pytest.raises(ValueError, match=r"mujoco needs mujoco: pip install 'phalanx-swarm\[muj"):
+    with pytest.raises(ValueError, match=r"mujoco needs mujoco: pip install '\.\[muj"):
         Mujoco().begin(robots(HEAVY), 0, 1e-3)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import phalanx
+from examples.ros2_robots import robot
 from phalanx.ros2.cdr import message_type
 from phalanx.ros2.robots import Odometry, Seen, Twist, seen_of
 from phalanx.swarm.swarm import build_swarm
@@ -14,25 +15,24 @@ from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import KinematicBicycle
 from phalanx.theory.models.world import WorldAgent
 from phalanx.worlds.ros2 import Ros2, _Held, _Robot
-from tests import ros2_robot
 
-HOME = ros2_robot.Pose(ros2_robot.Vector3(2.0, 0.0), ros2_robot.Quaternion(0.0, 0.0, 0.0, 1.0))
+HOME = robot.Pose(robot.Vector3(2.0, 0.0), robot.Quaternion(0.0, 0.0, 0.0, 1.0))
 
 
 def odometry(frame="odom"):
     none = [0.0] * 36
-    twist = ros2_robot.Twist(ros2_robot.Vector3(0.5), ros2_robot.Vector3())
-    return ros2_robot.Odometry(
-        ros2_robot.Header(ros2_robot.Time(0, 0), frame),
+    twist = robot.Twist(robot.Vector3(0.5), robot.Vector3())
+    return robot.Odometry(
+        robot.Header(robot.Time(0, 0), frame),
         "base_link",
-        ros2_robot.PoseWithCovariance(HOME, none),
-        ros2_robot.TwistWithCovariance(twist, none),
+        robot.PoseWithCovariance(HOME, none),
+        robot.TwistWithCovariance(twist, none),
     )
 
 
 def test_the_clients_hashes_are_those_of_the_types():
-    for kind, name in ((Odometry, ros2_robot.ODOMETRY), (Twist, ros2_robot.TWIST)):
-        assert message_type(kind).on_the_wire == f"{name}/{ros2_robot.HASHES[name]}"
+    for kind, name in ((Odometry, robot.ODOMETRY), (Twist, robot.TWIST)):
+        assert message_type(kind).on_the_wire == f"{name}/{robot.HASHES[name]}"
 
 
 def test_odometry_is_turned_and_moved_by_the_origin_of_its_frame():

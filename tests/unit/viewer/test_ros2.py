@@ -213,4 +213,4 @@ def test_without_its_libraries_it_says_what_to_install(monkeypatch, capsys):
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda n: None if n == "rosbags" else found(n))
     assert status(["ros2", "runs/x"]) == USAGE_ERROR
-    assert "needs rosbags: pip install 'phalanx-swarm[ros2]'" in capsys.readouterr().err
+    assert "needs rosbags: pip install '.[ros2]'" in capsys.readouterr().err

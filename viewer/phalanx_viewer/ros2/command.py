@@ -90,4 +90,4 @@ def _require_libraries() -> None:
     missing = [name for name in ("rosbags", "xxhash") if importlib.util.find_spec(name) is None]
     if missing:
         needed = " and ".join(missing)
-        raise typer.BadParameter(f"needs {needed}: pip install 'phalanx-swarm[ros2]'")
+        raise typer.BadParameter(f"needs {needed}: pip install '.[ros2]'")

@@ -1,6 +1,8 @@
 """A ROS 2 robot of pycdr2 and Zenoh alone, as a process: nothing here is Phalanx's.
 
-python tests/ros2_robot.py ROUTER NAME X Y TURN [--loss P] [--delay S] [--silent-after N]
+pip install '.[ros2]' pycdr2
+python examples/ros2_robots/robot.py ROUTER NAME X Y TURN [--loss P] [--delay S] [--silent-after N]
+
 It integrates the newest Twist, and publishes Odometry at its own rate, until its input closes.
 Its last line is a table in JSON: numbers of messages, and when it last got a velocity.
 """
@@ -140,8 +142,8 @@ class Robot:
                 payload = self.pending.pop(0)[1]
                 if self.taken < self.given.silent_after:
                     out.put(payload)
-        print(json.dumps({"taken": self.taken, "zeros": self.zeros, "v": self.v, "w": self.w}))
         self.session.close()
+        print(json.dumps({"taken": self.taken, "zeros": self.zeros, "v": self.v, "w": self.w}))
 
     def read(self) -> None:
         sys.stdin.read()

@@ -1,0 +1,43 @@
+"""Commands of pages and messages that install Phalanx work: no package index has it."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+FOLDERS = [
+    "phalanx",
+    "agent",
+    "plant",
+    "viewer",
+    "docs",
+    "examples",
+    "scenarios",
+    "tests",
+    "bench",
+    "evidence",
+]
+KINDS = {".py", ".md", ".toml", ".ipynb", ".html", ".yml", ".yaml"}
+FROM_AN_INDEX = re.compile(
+    rf"{PROJECT['name']}[\[=<>~]|pip3? install [^\n&;|]*\b{PROJECT['name']}\b"
+)
+
+
+def texts() -> dict[str, str]:
+    files = [*ROOT.glob("*.md"), *(f for folder in FOLDERS for f in (ROOT / folder).rglob("*"))]
+    read = [file for file in files if file.suffix in KINDS and file != Path(__file__)]
+    return {str(file.relative_to(ROOT)): file.read_text("utf-8") for file in read}
+
+
+def test_nothing_says_to_install_phalanx_from_an_index():
+    found = {name: FROM_AN_INDEX.findall(text) for name, text in texts().items()}
+    assert {name: each for name, each in found.items() if each} == {}
+
+
+def test_every_extra_that_is_named_exists():
+    named = re.compile(r"install (?:-e )?'\.\[([\w,-]+)\]'")
+    found = {name: named.findall(text) for name, text in texts().items()}
+    extras = {extra for each in found.values() for text in each for extra in text.split(",")}
+    assert extras <= PROJECT["optional-dependencies"].keys()
+    assert len(extras) > 8
