@@ -38,6 +38,7 @@ check: $(READY)
 	$(VENV)/bin/python .ci/words.py
 
 docs: $(READY)
+	$(VENV)/bin/python .ci/reference.py
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet -f docs/site/mkdocs.yml
 
 $(READY): pyproject.toml locks/all.txt
