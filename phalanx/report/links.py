@@ -113,13 +113,13 @@ def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     axes.bar(places, lost, width=0.6, color=style.MUTED, label="lost")
     axes.errorbar(
         places, 100 * asked, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
-        capsize=4, label="link model, ±2 standard deviations of independent losses",
+        capsize=4, label="link model, ±2 standard deviations\nof independent losses",
     )  # fmt: skip
     axes.set_xticks(places, [link.name for link in shown])
     axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=small)
-    axes.set_ylim(0.0, max(1.0, 1.25 * axes.get_ylim()[1]))
+    axes.set_ylim(0.0, max(1.0, axes.get_ylim()[1]))
     axes.set_ylabel("lost broadcasts [%]")
-    axes.legend(fontsize=small, frameon=False, loc="upper right", ncols=2)
+    style.legend(axes)
 
 
 def _draw_all(axes: Axes, links: Sequence[LinkStatistics]) -> None:
@@ -195,11 +195,8 @@ def _draw_whole(axes: Axes, history: ReportHistory) -> None:
     found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
     counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
     style.title(axes, f"{found.sum()} broadcasts on all links: {counts}")
-    handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
-    axes.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02),
-        fontsize=style.current().small, frameon=False,
-    )  # fmt: skip
+    marks = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
+    style.legend(axes, handles=marks)
 
 
 def _draw_zoom(

@@ -28,7 +28,7 @@ def paths(history: RecordedHistory) -> Figure:
     heights = [(look.width - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
     # A flat or tall scene would make a sliver or a tower of a figure.
     heights = [min(max(h, 2.5 * look.heights), 8.5 * look.heights) for h in heights]
-    figure = Figure((look.width, sum(heights) + 0.5), layout="constrained", facecolor="white")
+    figure = Figure((look.width, sum(heights) + 0.5), layout="compressed", facecolor="white")
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         draw_scene(axes, history, plane)

@@ -1,12 +1,14 @@
 """The style of every figure: size, axes, legends, and one colour for each agent throughout."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -41,7 +43,7 @@ class Style(NamedTuple):
     small: float
     """Size of legends and of many labels [pt]."""
     beside: bool
-    """Whether legends stand to the right of panels, and not in them."""
+    """Whether legends stand to the right of panels, and not above them."""
     settings: Mapping[str, Any]
     """Of matplotlib."""
 
@@ -56,6 +58,8 @@ STYLES = {
 }  # fmt: skip
 """The styles by name, the default first."""
 SCREEN = next(iter(STYLES))
+_PANEL, _LETTERS = 0.8, 18
+"""Width of a panel as a share of its figure, and letters of a title on each inch of that."""
 _current = ContextVar("style", default=STYLES[SCREEN])
 
 
@@ -131,19 +135,27 @@ def title(axes: Axes, text: str, colour: str = "black") -> None:
     axes.set_title(text, loc="right", color=colour, fontsize=current().title)
 
 
-def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:
-    """Name the first lines to the right of the panel, as many as fit; or in it."""
-    handles, labels = axes.get_legend_handles_labels()
-    style = current()
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.02), "frameon": False}
-    if not style.beside:
-        looks = {"framealpha": 0.7, "edgecolor": "none", "borderpad": 0.1}
-        place = {"loc": "best", "labelspacing": 0.2, "handlelength": 1.2, **looks}
-    if handles:
-        axes.legend(
-            handles[:most], labels[:most], title=title, fontsize=style.small,
-            title_fontsize=style.small, **place,
-        )  # fmt: skip
+def legend(
+    axes: Axes, title: str = "", most: int = MOST_NAMED, handles: Sequence[Artist] = ()
+) -> None:
+    """Name the first lines or handles to the right of the panel, or above it below its title."""
+    style, handles = current(), (handles or axes.get_legend_handles_labels()[0])[:most]
+    looks: dict[str, Any] = {"handles": handles, "fontsize": style.small, "frameon": False}
+    looks |= {"title": title, "title_fontsize": style.small}
+    if style.beside and handles:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), **looks)
+    elif handles:
+        heading = ": ".join(filter(None, (title, axes.get_title(loc="right"))))
+        axes.set_title("", loc="right")
+        looks |= {"title": fill(heading, round(_LETTERS * style.width)), "borderpad": 0.0}
+        looks |= {"labelspacing": 0.2, "handlelength": 1.2, "columnspacing": 1.0}
+        figure: Any = axes.figure
+        for columns in (4, 3, 2, 1):
+            drawn = axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, **looks)
+            box = drawn.get_window_extent()
+            if box.width < _PANEL * figure.bbox.width:
+                break
+        figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)  # panels keep theirs
 
 
 def draw_line(
