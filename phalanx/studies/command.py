@@ -250,6 +250,7 @@ def _print(found: "Study") -> None:
     from rich.console import Console
 
     from phalanx.cli.display import TextTable
+    from phalanx.studies.row import without_effect
 
     table = TextTable(
         *found.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"
@@ -265,6 +266,8 @@ def _print(found: "Study") -> None:
             str(rate["runs"] - sum(counts)),
         )
     Console().print(table)
+    for line in without_effect(found.frame, found.axes):
+        echo(line)
     repeated = found.frame["confirmed"].drop_nulls()
     if len(repeated):
         same = "with the same trajectory" if repeated.all() else "and NOT all have their trajectory"

@@ -1,6 +1,7 @@
 """A row of a study: what is kept of one run."""
 
 import platform
+from collections.abc import Iterator, Sequence
 from typing import Any, get_args, get_type_hints
 
 import msgspec
@@ -10,6 +11,7 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.metrics.table import METRICS, SWARM, metrics_of
 from phalanx.recording.read import Recording
 from phalanx.studies.identity import Identity
+from phalanx.studies.plan import as_text
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 
@@ -120,9 +122,29 @@ SCHEMA = _schema()
 """Column types by name; each has null where a run has no value."""
 
 
+def fields_of(rows: pl.DataFrame) -> pl.DataFrame:
+    """Return a column for each field that overrides set; lists and tables as JSON."""
+    tables = [msgspec.json.decode(text) for text in rows["overrides"]]
+    paths = dict.fromkeys(path for table in tables for path in table)
+    # `faults` are also those of a row that had an effect.
+    names = {path: f"{path}_set" if path in SCHEMA else path for path in paths}
+    values = {name: [as_text(table.get(path)) for table in tables] for path, name in names.items()}
+    return pl.DataFrame(values, strict=False)
+
+
 def json_text(value: Any) -> str:
     """Return a value as JSON, equal for equal values."""
     return msgspec.json.encode(value, order="sorted").decode()
+
+
+def without_effect(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
+    """Name the axes of which no value gives a run another trajectory, all else being equal."""
+    ran = runs.filter(pl.col("trajectory") != "")
+    for axis in axes:
+        others = ["seed", *(each for each in axes if each != axis)]
+        counts = ran.group_by(others).agg(pl.col("trajectory", axis).n_unique())
+        if counts.filter(pl.col(axis) > 1)["trajectory"].max() == 1:
+            yield f"{axis} changes no trajectory: runs that differ in it alone are the same"
 
 
 def counted(frame: pl.DataFrame) -> pl.DataFrame:

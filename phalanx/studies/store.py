@@ -20,7 +20,7 @@ import tomli_w
 from phalanx.files import whole_file
 from phalanx.studies.identity import Identity, versions, versions_of_libraries
 from phalanx.studies.plan import Plan
-from phalanx.studies.row import SCHEMA, Row, flat, json_text
+from phalanx.studies.row import SCHEMA, Row, fields_of, flat, json_text
 
 PLAN, ROWS = "study.toml", "rows.parquet"
 _JOURNAL, _LOCK, _VERSIONS = "rows.journal", "lock", "versions.json"
@@ -71,7 +71,8 @@ class Store(contextlib.AbstractContextManager["Store"]):
             return
         try:
             rows = io.BytesIO()
-            self.frame().write_parquet(rows)
+            frame = self.frame()
+            pl.concat([frame, fields_of(frame)], how="horizontal").write_parquet(rows)
             _replace(self.folder / ROWS, rows.getvalue())
             os.truncate(self.folder / _JOURNAL, 0)
         finally:
@@ -148,6 +149,8 @@ class Store(contextlib.AbstractContextManager["Store"]):
             found = pl.read_parquet(file)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise StudyError(f"{file}: not the rows of a study ({error})") from error
+        if "overrides" in found.columns:
+            found = found.drop(fields_of(found).columns, strict=False)
         if dict(found.schema) != SCHEMA:
             raise _of_another_version(file, found.columns)
         return found

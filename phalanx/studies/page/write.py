@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.report.html import drawing, note, section, sortable, table, write_document
+from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.schema.notebook import html_table
 from phalanx.statistics.common_seeds import Rate
 from phalanx.studies.page.figures import (
@@ -32,7 +32,7 @@ from phalanx.studies.page.groups import (
     seen,
 )
 from phalanx.studies.page.svg import svg_of
-from phalanx.studies.row import REFUSED, counted
+from phalanx.studies.row import REFUSED, counted, without_effect
 
 MOST_LISTED = 500
 _MOST_MAPS = 3
@@ -71,18 +71,17 @@ def write_study_page(
     runs = counted(frame)
     groups = {axis: by_axis(runs, axis, anytime) for axis in axes}
     parts = [
-        '<main class="study">',
         f"<h1>{escape(title)}</h1>",
         f'<p class="quiet">{escape(_counts(frame, runs))}</p>',
+        *map(note, without_effect(runs, axes)),
         section("Outcomes", _rates("", [group("all", runs, anytime)]) + note(_intervals(anytime))),
         *(section(f"Over {axis}", _over(axis, found)) for axis, found in groups.items()),
         *_maps(runs, axes, anytime),
         *_distribution(runs, groups),
         *_costs(runs, axes),
         section("Rows, the worst first", _rows(frame, axes, command)),
-        "</main>",
     ]
-    return write_document(path, title, parts, "72rem")
+    return save_page(path, title, parts, "72rem")
 
 
 def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False) -> str:

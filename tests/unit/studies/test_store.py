@@ -134,3 +134,36 @@ def test_a_full_disk_loses_no_finished_row(tmp_path):
     store.add(row(2))
     store.close()
     assert seeds_in(tmp_path) == [0, 2]
+
+
+def test_every_field_that_a_row_sets_is_a_column_of_the_file(tmp_path):
+    tables = [
+        {"network.loss": 0.1, "safety.margin": "paper", "faults": [{"kind": "kill"}]},
+        {"network.loss": 0.5, "agents.1.start": [1.0, 2.0]},
+    ]
+    with Store(tmp_path).open(PLAN) as store:
+        for seed, overrides in enumerate(tables):
+            store.add(row(seed, overrides=overrides, faults="faults.0 (kill)"))
+    found = pl.read_parquet(tmp_path / ROWS)
+    assert found["network.loss"].to_list() == [0.1, 0.5]
+    assert found["safety.margin"].to_list() == ["paper", None]
+    assert found["agents.1.start"].to_list() == [None, "[1.0, 2.0]"]
+    assert found["faults_set"].to_list() == ['[{"kind": "kill"}]', None]
+    assert found["faults"].to_list() == 2 * ["faults.0 (kill)"]
+    assert Store(tmp_path).frame().columns == found.columns[:-4]
+    with Store(tmp_path).open(PLAN) as store:
+        store.add(row(2, overrides={}))
+    assert pl.read_parquet(tmp_path / ROWS)["network.loss"].to_list() == [0.1, 0.5, None]
+
+
+def test_rows_without_such_columns_are_read_and_get_them(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        store.add(row(0))
+    Store(tmp_path).frame().write_parquet(tmp_path / ROWS)
+    with Store(tmp_path).open(PLAN):
+        assert seeds_in(tmp_path) == [0]
+    assert pl.read_parquet(tmp_path / ROWS)["network.loss"].to_list() == [0.1]
+    odd = pl.read_parquet(tmp_path / ROWS).with_columns(height=1.0)
+    odd.write_parquet(tmp_path / ROWS)
+    with pytest.raises(StudyError, match="another version of Phalanx"):
+        Store(tmp_path).frame()

@@ -5,10 +5,11 @@ import re
 
 import pytest
 
+from phalanx.cli.app import status
 from phalanx.scenario.load import ScenarioError, read_table, scenario_text
 from phalanx.studies.identity import Identity
 from phalanx.studies.plan import Plan, plan_from
-from phalanx.studies.row import Row
+from phalanx.studies.row import Row, without_effect
 from phalanx.studies.store import Store
 from phalanx.studies.study import Study, open_study, study
 
@@ -108,3 +109,46 @@ def test_faults_that_vary_are_told_from_those_that_had_an_effect(tmp_path):
     page = found.page(tmp_path / "page.html").read_text("utf-8")
     (head,) = re.findall(r">index<.*?</tr>", page, re.DOTALL)
     assert head.count(">faults<") == 1
+
+
+def with_trajectories(folder, axes: dict, trajectory) -> Study:
+    """Return a study of two seeds; trajectory: of the point's values and the seed."""
+    plan = plan_from({"scenario": "unicycles", "seeds": "0:2", "vary": axes})
+    with Store(folder).open(plan) as store:
+        for case in plan.cases():
+            identity = Identity(str(case.point.number), case.seed, "", "")
+            fields = {"overrides": case.point.overrides, "outcome": "safe", "reason": ""}
+            made = trajectory(*case.point.axes.values(), case.seed)
+            store.add(Row(identity=identity, trajectory=str(made), **fields))
+    return open_study(folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("trajectory", "idle"),
+    [
+        (lambda loss, rho, seed: (loss, seed), ["safety.rho"]),
+        (lambda loss, rho, seed: (loss, rho), []),
+        (lambda loss, rho, seed: seed, ["network.loss", "safety.rho"]),
+        (lambda loss, rho, seed: rho if seed else loss, []),
+        (lambda loss, rho, seed: "", []),  # no run came to an end
+    ],
+)
+def test_an_axis_that_changes_no_trajectory_is_named(tmp_path, capsys, trajectory, idle):
+    axes = {"network.loss": [0.0, 0.5], "safety.rho": [4.0, 5.0]}
+    study = with_trajectories(tmp_path, axes, trajectory)
+    assert status(["study", "open", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    page = study.page(tmp_path / "page.html").read_text("utf-8")
+    for text in (said, page):
+        named = re.findall(r"([\w.]+) changes no trajectory", text)
+        assert named == idle
+
+
+def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):
+    one = with_trajectories(tmp_path / "one", {"network.loss": [0.5]}, lambda loss, seed: seed)
+    assert not list(without_effect(one.frame, one.axes))
+    points = [{"network.loss": 0.1, "safety.rho": 4.0}, {"network.loss": 0.2, "safety.rho": 5.0}]
+    plan = plan_from({"scenario": "unicycles", "points": points})
+    drawn = studied(tmp_path / "drawn", plan, {0: "safe", 1: "safe"}, trajectory="a")
+    assert not list(without_effect(drawn.frame, drawn.axes))
