@@ -12,7 +12,7 @@ from phalanx.arrays import Array
 from phalanx.attacks.archive import Behaviour, Find, table_of
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History, Search
-from phalanx.report.html import drawing, note, section, sortable, table, write_document
+from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
 from phalanx.scenario.load import load
 from phalanx.studies.page.svg import svg_of
@@ -30,7 +30,7 @@ def write_attack_page(
     """Write one HTML file that needs no other; return its path. Raises OSError."""
     name = str(search.space.table.get("name", "attack"))
     histories = [history for history in search.histories if history.finds]
-    parts = ['<main class="study">', f"<h1>Attacks on {escape(name)}</h1>", note(_INTRODUCTION)]
+    parts = [f"<h1>Attacks on {escape(name)}</h1>", note(_INTRODUCTION)]
     if histories:
         curve = drawing(_CURVE, svg_of(partial(search_figure, histories)))
         parts.append(section("Search", curve + _counts(histories)))
@@ -41,7 +41,7 @@ def write_attack_page(
             parts.append(section("The best attack", _best(search, archived[0][1], files)))
     else:
         parts.append(note("No run yet."))
-    return write_document(path, f"Attacks on {name}", [*parts, "</main>"], "72rem")
+    return save_page(path, f"Attacks on {name}", parts, "72rem")
 
 
 _INTRODUCTION = (

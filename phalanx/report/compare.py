@@ -16,7 +16,7 @@ from phalanx.curves.history import ReportHistory
 from phalanx.curves.series import Series
 from phalanx.metrics.table import metrics_of, swarm_rows
 from phalanx.recording.read import read, swarm_of
-from phalanx.report.html import figure, note, section, table, write_document
+from phalanx.report.html import figure, note, save_page, section, table
 from phalanx.report.links import link_statistics
 from phalanx.report.page import key_figures
 from phalanx.report.style import LIMIT, NORMAL, WORST, draw_line, legend, over_time
@@ -98,7 +98,7 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
             for name, run in zip(names, runs, strict=True)
         )
         parts.append(section(drawn, f'<div class="side-by-side">{shown}</div>'))
-    return write_document(path, title, parts, "none")
+    return save_page(path, title, parts, "none")
 
 
 def titles(runs: Sequence[ComparedRun]) -> list[str]:

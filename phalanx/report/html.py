@@ -1,6 +1,7 @@
 """HTML pages that fetch nothing, and their parts. Every text is escaped here."""
 
 import base64
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -19,39 +20,43 @@ _PAGE = Template("""<!doctype html>
 <meta name="color-scheme" content="light dark">
 <title>$title</title>
 <style>
-:root { --page: #fff; --text: #1d2127; --quiet: #5d6570; --line: #d9dde3; --stripe: #f5f6f8; }
+:root { --page: #fff; --text: #1d2127; --quiet: #5d6570; --line: #d9dde3; --stripe: #0001; }
 @media (prefers-color-scheme: dark) {
-  :root { --page: #16191d; --text: #e4e7eb; --quiet: #9aa3ae; --line: #353b43; --stripe: #1e2227; }
+  :root { --page: #16191d; --text: #e4e7eb; --quiet: #9aa3ae; --line: #353b43; --stripe: #fff1; }
 }
 body { background: var(--page); color: var(--text); font: 15px/1.5 system-ui, sans-serif;
-  max-width: $width; margin: 2rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.6rem; margin: 0; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
-p.quiet, figcaption, .none { color: var(--quiet); }
-p.quiet { margin: .2rem 0 1rem; }
+  max-width: $width; margin: 1.2rem auto; padding: 0 1.2rem; overflow-wrap: break-word; }
+h1 { font-size: 1.6rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
+p.quiet, figcaption, .none { color: var(--quiet); } p.quiet { margin: .2rem 0 1rem; }
+nav { columns: 14rem; font-size: .9rem; } nav a { color: inherit; display: block; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: .25rem .9rem .25rem .5rem; vertical-align: top;
   border-bottom: 1px solid var(--line); }
-td { overflow-wrap: anywhere; }
-thead th { color: var(--quiet); font-weight: 600; }
-tbody tr:nth-child(even) { background: var(--stripe); }
-.wide { overflow: auto; max-height: 34rem; }
+th + td:last-child { overflow-wrap: anywhere; } /* digests: there is room for words */
+thead th { color: var(--quiet); } tbody tr:nth-child(even) { background: var(--stripe); }
+/* A shadow at each edge behind which a table goes on; at its end the page's colour covers it. */
+.wide { overflow: auto; max-height: 34rem; --shade: #7779, #0000; --to: var(--page) 40%, #0000;
+  background: linear-gradient(90deg, var(--to)) 0 0/2rem 100% local no-repeat,
+    linear-gradient(-90deg, var(--to)) 100% 0/2rem 100% local no-repeat,
+    linear-gradient(0deg, var(--to)) 0 100%/100% 2rem local no-repeat,
+    linear-gradient(90deg, var(--shade)) 0 0/.7rem 100% no-repeat,
+    linear-gradient(-90deg, var(--shade)) 100% 0/.7rem 100% no-repeat,
+    linear-gradient(0deg, var(--shade)) 0 100%/100% .7rem no-repeat; }
 .verdict { border-left: .4rem solid var(--badge); background: var(--stripe); margin: 1.2rem 0;
   padding: .7rem 1rem; }
 .verdict strong { background: var(--badge); color: #fff; border-radius: .3rem;
   letter-spacing: .04em; padding: .15rem .6rem; margin-right: .6rem; text-transform: uppercase;
   font-size: .85rem; }
-.verdict p { margin: .4rem 0 0; overflow-wrap: anywhere; }
+.verdict p { margin: .4rem 0 0; }
 .guaranteed { --badge: #1a7f46; } .safe { --badge: #a86a00; } .violated { --badge: #c1121f; }
 .broken, .stopped, .unfinished { --badge: #5d6570; }
-figure { margin: 1.2rem 0; }
+figure { margin: 1.2rem 0; } figcaption { font-size: .9rem; margin-top: .3rem; }
 .side-by-side { display: grid; gap: 1rem;
-  grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); }
 figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
   max-width: 100%; display: block; }
-figure.drawn { overflow-x: auto; }
-figure.drawn img { background: none; border: 0; min-width: 38rem; }
-.study td { overflow-wrap: normal; }
+.verdict + figure img { max-height: 60vh; }
+.drawn { overflow-x: auto; } .drawn img { background: none; border: 0; min-width: 38rem; }
 .sortable td { max-width: 20rem; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .sortable td:hover { white-space: normal; }
 .sortable td:last-child { font-family: monospace; max-width: none; user-select: all;
@@ -61,8 +66,7 @@ figure.drawn img { background: none; border: 0; min-width: 38rem; }
 .sortable button:focus-visible { outline: 2px solid; }
 .sortable [aria-sort=ascending] button::after { content: " ↑"; }
 .sortable [aria-sort=descending] button::after { content: " ↓"; }
-figcaption { font-size: .9rem; margin-top: .3rem; }
-pre { background: var(--stripe); padding: .8rem; overflow: auto; font-size: .8rem; }
+pre { background: var(--stripe); padding: .8rem; font-size: .8rem; white-space: pre-wrap; }
 </style>
 </head>
 <body>
@@ -93,9 +97,13 @@ for (const table of document.querySelectorAll("table.sortable")) {
 </script>"""
 
 
-def write_document(path: Path, title: str, parts: Iterable[str], width: str) -> Path:
-    """Write a whole page, of parts made here, and return its path; width is CSS. Raises OSError."""
-    text = _PAGE.substitute(title=escape(title), body="\n".join(parts), width=width)
+def save_page(path: Path, title: str, parts: Iterable[str], width: str) -> Path:
+    """Write a page of parts made here, its contents before the sections; return its path."""
+    body = "\n".join(parts)
+    links = re.findall(r'<section id="(.*?)"><h2>(.*?)</h2>', body)
+    contents = "".join(f'<a href="#{name}">{shown}</a>' for name, shown in links)
+    body = body.replace("<section", f"<nav>{contents}</nav>\n<section", 1)
+    text = _PAGE.substitute(title=escape(title), body=body, width=width)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return path
@@ -103,7 +111,8 @@ def write_document(path: Path, title: str, parts: Iterable[str], width: str) -> 
 
 def section(title: str, content: str) -> str:
     """A heading, and parts made here under it."""
-    return f"<h2>{escape(title)}</h2>\n{content}"
+    name = re.sub(r"\W+", "-", title)
+    return f'<section id="{name}"><h2>{escape(title)}</h2>\n{content}</section>'
 
 
 def table(
@@ -122,7 +131,7 @@ def table(
         + "</tr>"
         for first, *rest in rows[:most]
     )
-    shown = f'<div class="wide"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
+    shown = f'<div class="wide" tabindex="0"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
     return shown + (note(f"and {left} more") if left else "")
 
 

@@ -9,16 +9,7 @@ from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.metrics.table import METRIC_HEAD
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
-from phalanx.report.html import (
-    MOST_ROWS,
-    figure,
-    note,
-    percent,
-    seconds,
-    section,
-    table,
-    write_document,
-)
+from phalanx.report.html import MOST_ROWS, figure, note, percent, save_page, seconds, section, table
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
 from phalanx.theory.rows.origin import (
@@ -62,18 +53,19 @@ def write_page(
     parts = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="quiet">{escape(scenario.description)}</p>',
-        *_origin(recording),
         _verdict(recording),
+        *starmap(figure, figures[:1]),
+        *_origin(recording),
         section("Key figures", table((), key_figures(recording))),
         section("Metrics of the task", table(METRIC_HEAD, metrics)),
         *_judgement(recording.summary),
         section("Links", _links(links)),
-        section("Figures", "\n".join([*starmap(figure, figures), *map(note, notes)])),
+        section("Figures", "\n".join([*starmap(figure, figures[1:]), *map(note, notes)])),
         section("Events", table(("t", "event"), [(seconds(e.t), e.text) for e in recording.log])),
         "<details><summary>The scenario, with every default</summary>"
         f"<pre>{escape(scenario.model_dump_json(by_alias=True, indent=2))}</pre></details>",
     ]
-    return write_document(path, title, parts, "64rem")
+    return save_page(path, title, parts, "64rem")
 
 
 def _origin(recording: Recording) -> list[str]:

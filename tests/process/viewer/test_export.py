@@ -1,13 +1,17 @@
 """A run exported to share: opened from disk, without a network."""
 
+import base64
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import matplotlib.image
+import msgspec
 import numpy as np
 import pytest
 from phalanx_viewer.export.write import run
+from zstandard import ZstdDecompressor
 
 from phalanx.recording.read import read
 from tests.process.runs import wait_for
@@ -72,3 +76,36 @@ def test_a_picture_at_a_time_differs_from_one_at_another(finished: Path, tmp_pat
     first, second = pictures
     assert first.shape == second.shape
     assert np.mean(np.any(first != second, axis=2)) > 0.005
+
+
+def texts_of(page: str) -> set[str]:
+    """The texts that labels of an exported scene show at some time."""
+    (data,) = re.findall(r'__VISER_EMBED_DATA__="([^"]+)"', page)
+    film = ZstdDecompressor().decompressobj().decompress(base64.b64decode(data)[8:])
+    length = int.from_bytes(film[:8], "little")
+    messages = msgspec.msgpack.decode(film[8 : 8 + length])["messages"]
+    return {text for _, each in messages if (text := each.get("updates", {}).get("text"))}
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)], ids=["desk", "phone"])
+def test_the_exported_page_has_verdict_legend_and_names(
+    offline: "Tab", finished: Path, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    html, recorded = tmp_path / "run.html", read(finished)
+    run(recorded, html=html)
+    assert {"1", "2", "3", "4", "5"} <= texts_of(html.read_text("utf-8"))
+    offline.set_viewport_size({"width": size[0], "height": size[1]})
+    offline.goto(html.as_uri())
+    head, legend = offline.locator("#phx-run"), offline.locator(".phalanx-legend")
+    head.get_by_text(f"{recorded.summary.outcome}: ").wait_for()
+    for entry in ("adversary", "circles touch where h = 0", "nominal input"):
+        assert legend.get_by_text(entry).is_visible()
+    parts = [head, legend, offline.locator("#phx-timeline")]
+    top, *others = [part.bounding_box() for part in parts]
+    assert all(box["x"] >= 0 and box["x"] + box["width"] <= size[0] for box in (top, *others))
+    for box in others:  # one under the other
+        assert top["y"] + top["height"] <= box["y"]
+        top = box
+    scene = offline.locator("#root").bounding_box()
+    assert scene["width"] >= 0.99 * scene["height"], "else agents at the sides are cut off"

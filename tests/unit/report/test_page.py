@@ -29,9 +29,19 @@ def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
         assert text in page
 
 
+def test_the_contents_lead_to_every_section(reported: Path) -> None:
+    page = reported.read_text()
+    contents = re.findall(r'<a href="#(.*?)">(.*?)</a>', page)
+    assert [title for _, title in contents] == re.findall("<h2>(.*?)</h2>", page)
+    names = [name for name, _ in contents]
+    assert names == re.findall(r'<section id="([\w-]+)">', page)
+    assert len(set(names)) > 6
+    assert page.index("<img") < page.index("<nav>") < page.index("<h2>")
+
+
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
     page = reported.read_text()
-    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", page)
+    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>#]+)""", page)
     assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 11
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "//" not in re.sub(r"base64,[^\"]+", "", page)

@@ -21,6 +21,7 @@ from phalanx_viewer.plots.plots import content
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, begin_with
 from phalanx_viewer.scene.server import SceneServer
+from phalanx_viewer.scene.texts import legend
 
 _FRAMES = 300
 """Most frames in a file, to keep it small."""
@@ -97,7 +98,7 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
     parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
-    parts = parts.replace("/*DATA*/", shown)
+    parts = parts.replace("<!--LEGEND-->", legend()).replace("/*DATA*/", shown)
     return scene[:end] + parts + scene[end:]
 
 
