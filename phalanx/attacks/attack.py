@@ -13,7 +13,8 @@ from phalanx.attacks.knobs import space_of
 from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.page import write_attack_page
 from phalanx.attacks.presets import WITHIN, preset
-from phalanx.attacks.search import History, Search, SearchProgress, declaration
+from phalanx.attacks.search import History, Search, declaration
+from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table, set_field
 from phalanx.studies.store import Store, StudyError
@@ -28,7 +29,7 @@ class Options:
     """Options of a search; all but the budget decide what its rows are."""
 
     budget: int
-    """Runs of each optimiser."""
+    """Most runs of each optimiser, without those on fresh seeds."""
     preset: str | None = None
     """Adds knobs; by default `within` for a scenario without an [attack] table."""
     optimiser: str = next(iter(OPTIMISERS))
@@ -42,6 +43,11 @@ class Options:
     """Whether each optimiser ends with the generation of its first violated run."""
     baseline: bool = True
     """Whether a random search with the same budget follows."""
+
+    @property
+    def optimisers(self) -> list[str]:
+        """Names of the optimisers that search, in this order."""
+        return list(dict.fromkeys([self.optimiser, *[BASELINE] * self.baseline]))
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ def attack(
     folder: Path,
     workers: int | None = None,
     executor: Executor | None = None,
-    progress: Callable[[SearchProgress], object] = lambda _: None,
+    progress: Callable[[History], object] = lambda _: None,
 ) -> Attacked:
     """Search for attacks on a scenario; what the folder has already is not run again.
 
@@ -73,7 +79,7 @@ def attack(
         folder: of the search.
         workers: of the built-in pool; by default one for each processor.
         executor: in place of the pool.
-        progress: called after each generation.
+        progress: called with the optimiser's history at its begin, and after each run.
 
     Raises:
         ScenarioError: the scenario or its [attack] table is not valid.
@@ -100,15 +106,15 @@ def attack(
             progress=progress,
         )
         try:
-            search.run(options.optimiser, options.budget, options.seed, options.batch)
-            if options.baseline and options.optimiser != BASELINE:
-                search.run(BASELINE, options.budget, options.seed, options.batch)
+            for optimiser in options.optimisers:
+                search.run(optimiser, options.budget, options.seed, options.batch)
+            return _written(search, folder)
         except BaseException:
+            interrupt.clear()  # to write the page is to run the best attack again
             # Until all rows of last time have come up again, its files show more.
             if not search.unseen:
                 _written(search, folder)
             raise
-        return _written(search, folder)
 
 
 def _written(search: Search, folder: Path) -> Attacked:

@@ -188,6 +188,8 @@ def differences(file: Path, engines: Sequence[str]) -> list[str]:
         with TemporaryDirectory() as folder:
             summary = phalanx.run(scenario, engine=engine, out=folder).summary
         assert summary is not None, "the run has ended"
+        if summary.outcome is Outcome.STOPPED:
+            raise KeyboardInterrupt
         got = {"verdict": summary.outcome.value, "trajectory": summary.trajectory}
         found += [
             f"{engine}: expected the {word} {getattr(expected, word)}, got {value}"

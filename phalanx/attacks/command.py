@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from phalanx.cli.options import Overrides
+from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from phalanx.attacks.attack import Attacked
-    from phalanx.attacks.search import SearchProgress
+    from phalanx.attacks.attack import Attacked, Options
+    from phalanx.attacks.search import History
 
 
 def register(app: typer.Typer) -> None:
@@ -31,7 +32,7 @@ def attack(
         ),
     ],
     budget: Annotated[
-        int, typer.Option(min=1, max=1_000_000, help="Runs of the search, and of the baseline.")
+        int, typer.Option(min=1, max=1_000_000, help="Most runs of search, and of baseline.")
     ] = 200,
     preset: Annotated[
         Literal["within", "beyond"] | None,
@@ -51,7 +52,7 @@ def attack(
     ] = None,
     fresh: Annotated[
         int,
-        typer.Option(min=0, help="Seeds on which the best of a generation is tried again."),
+        typer.Option(min=0, help="More seeds, with which the best of a generation runs again."),
     ] = 4,
     first: Annotated[
         bool, typer.Option("--first", help="End each optimiser at its first violated run.")
@@ -92,51 +93,46 @@ def attack(
     options = Options(budget, preset, optimiser, seed, batch, fresh, first, baseline)
     fields = dict(map(field_and_value, overrides or ()))
     try:
-        with _shown() as show:
+        with _shown(options) as show:
             found = search(scenario, fields, options, folder=folder, workers=workers, progress=show)
     except StudyError as error:
         raise typer.BadParameter(str(error)) from error
     except KeyboardInterrupt:
-        echo_error(f"stopped; {folder} has the runs so far, and the same command goes on")
+        interrupt.clear()  # said in one line
+        echo_error("stopped; the finished runs are kept, and the same command goes on")
         raise
     _print(found)
     return 2 if any(history.violated for history in found.histories) else 0
 
 
 @contextmanager
-def _shown() -> "Iterator[Callable[[SearchProgress], None]]":
-    """Show a bar for each optimiser while the block runs; yields the function to call."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+def _shown(options: "Options") -> "Iterator[Callable[[History], None]]":
+    """Say what will run, and show how far it is; yields the function to call."""
+    from phalanx.cli.display import progress_of_runs
 
-    words = TextColumn("{task.fields[words]}", markup=False)
-    bar = Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), words,
-        console=Console(stderr=True), transient=True,
-    )  # fmt: skip
-    tasks = {}
+    phases, most = options.optimisers, options.budget
+    fresh = f"; of each generation the best on {options.fresh} more seeds" if options.fresh else ""
+    echo_error(f"at most {' and '.join(f'{most} runs by {name}' for name in phases)}{fresh}")
+    with progress_of_runs(most * len(phases)) as show:
 
-    def show(progress: "SearchProgress") -> None:
-        if progress.phase not in tasks:
-            tasks[progress.phase] = bar.add_task(progress.phase, total=progress.total, words="")
-        words = f"least robustness {progress.best:.4g}, {progress.violated} violated"
-        bar.update(tasks[progress.phase], completed=progress.done, words=words)
+        def show_search(history: "History") -> None:
+            done = most * phases.index(history.optimiser) + history.begun
+            found = f"least robustness {history.best:.4g}, {len(history.violated)} violated"
+            show(history.optimiser, done, found if history.finds else "")
 
-    with bar:
-        yield show
+        yield show_search
 
 
 def _print(found: "Attacked") -> None:
     from rich.console import Console
 
-    from phalanx.attacks.page import fresh
+    from phalanx.attacks.page import counts, fresh
     from phalanx.cli.display import TextTable
 
-    table = TextTable("optimiser", "runs", "refused", "least robustness", "violated", "first at")
-    for each in found.histories:
-        first = str(each.violated[0].number) if each.violated else "–"
-        counts = str(len(each.finds)), str(each.refused), f"{each.best:.4g}"
-        table.add_row(each.optimiser, *counts, str(len(each.violated)), first)
+    head, rows = counts(found.histories)
+    table = TextTable(*head)
+    for row in rows:
+        table.add_row(*row)
     Console().print(table)
     table = TextTable("weakest pair", "at", "by", "robustness", "verdict", "on fresh seeds")
     for behaviour, find, _ in found.finds:

@@ -33,7 +33,7 @@ def write_attack_page(
     parts = [f"<h1>Attacks on {escape(name)}</h1>", note(_INTRODUCTION)]
     if histories:
         curve = drawing(_CURVE, svg_of(partial(search_figure, histories)))
-        parts.append(section("Search", curve + _counts(histories)))
+        parts.append(section("Search", curve + table(*counts(histories))))
         files = {find.row.trajectory: file for _, find, file in finds}
         archived = search.archive.best_first
         parts.append(section("Archive: the best attack of each behaviour", _table(archived, files)))
@@ -68,16 +68,18 @@ def search_figure(histories: Sequence[History]) -> Figure:
     return figure
 
 
-def _counts(histories: Sequence[History]) -> str:
-    rows = [
+def counts(histories: Sequence[History]) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Return how many runs each optimiser made, and what they gave: titles, and a row of each."""
+    head = ("optimiser", "runs", "repeated", "refused", "least robustness", "violated", "first at")
+    rows: list[Sequence[str]] = [
         (
-            each.optimiser, str(len(each.finds)), str(each.refused), f"{each.best:.4g}",
-            str(len(each.violated)), str(each.violated[0].number) if each.violated else "–",
+            each.optimiser, *map(str, (len(each.finds), each.fresh, each.refused)),
+            f"{each.best:.4g}", str(len(each.violated)),
+            str(each.violated[0].number) if each.violated else "–",
         )
         for each in histories
     ]  # fmt: skip
-    head = ("optimiser", "runs", "starts refused", "least robustness", "violated", "first at run")
-    return table(head, rows)
+    return head, rows
 
 
 def _table(archived: Sequence[tuple[Behaviour, Find]], files: dict[str, Path]) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from phalanx.guarantee.certificate import MULTIPLES
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectRun, RecordsInMemory
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
@@ -66,6 +66,8 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
     swarm, records, known = rows.swarm, RecordsInMemory(), scales or scales_of(rows.swarm)
     run = DirectRun(rows, records)
     summary = run.plant.run(prepare=lambda: compile_rows(rows))
+    if summary.outcome is Outcome.STOPPED:
+        raise KeyboardInterrupt  # the plant reacted to it
     states, steps = records.of(State), records.of(Step)
     recording = Recording(Path(), swarm.scenario, {}, states, steps)
     # Between two states an unsafe h is in the summary's violations, to the integration step.

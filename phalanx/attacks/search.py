@@ -8,7 +8,7 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 from phalanx.attacks.archive import Archive, Find, found
 from phalanx.attacks.knobs import Fields, Point, Space
@@ -37,19 +37,6 @@ _Key = tuple[str, int]
 """Overrides as JSON, and the seed."""
 
 
-class SearchProgress(NamedTuple):
-    """Progress of a search."""
-
-    phase: str
-    """The optimiser."""
-    done: int
-    total: int
-    best: float
-    """The least robustness."""
-    violated: int
-    """Runs that were violated."""
-
-
 @dataclass
 class History:
     """The evaluations of one optimiser, in their order."""
@@ -59,6 +46,10 @@ class History:
     """Of the runs; starts that are not admissible are none."""
     refused: int = 0
     """Points that were not run."""
+    begun: int = 0
+    """Number of runs, with those of the generation that goes on."""
+    fresh: int = 0
+    """Runs on fresh seeds, which the budget does not count."""
 
     @property
     def best(self) -> float:
@@ -87,7 +78,7 @@ class Search:
         *,
         fresh: int = 4,
         first: bool = False,
-        progress: Callable[[SearchProgress], object] = lambda _: None,
+        progress: Callable[[History], object] = lambda _: None,
     ) -> None:
         """Prepare a search in an open store.
 
@@ -121,28 +112,33 @@ class Search:
     @interrupt.handled()
     @interrupt.deferred()
     def run(self, optimiser: str, budget: int, seed: int, batch: int | None = None) -> History:
-        """Let an optimiser make so many runs, to the end of a generation. Raises OSError."""
+        """Let an optimiser make so many runs. Raises OSError."""
         history = History(optimiser)
         self.histories.append(history)
         self._turns, self._budget = 0, budget
+        self._progress(history)
         with contextlib.suppress(_BudgetSpentError):
             OPTIMISERS[optimiser](self.space, self, seed, batch)
         return history
 
     def costs(self, points: Sequence[Point]) -> list[float]:
-        """Evaluate a generation: the robustness of each point's run against the current target."""
-        history = self.histories[-1]
-        rows = self._rows([(self.space.overrides(p), self.seed) for p in points], searched=True)
-        begun = [row for row in rows if START not in robustness_of(row)]
+        """Evaluate a generation, or what the budget leaves of it: the cost of each point's run."""
+        history, budget = self.histories[-1], self._budget
+        wanted = [(self.space.overrides(point), self.seed) for point in points]
+        rows: list[Row] = []
+        begun: list[Row] = []
+        while more := min(budget - len(history.finds) - len(begun), len(wanted) - len(rows)):
+            rows += self._rows(wanted[len(rows) : len(rows) + more], searched=True)
+            begun = [row for row in rows if START not in robustness_of(row)]
         first = len(history.finds) + 1
         generation = [found(number, row) for number, row in enumerate(begun, first)]
         new = [find for find in generation if self.archive.add(find)]
         history.finds += generation
         history.refused += len(rows) - len(begun)
+        history.begun = len(history.finds)
         if new:
             self._try_again(min(new, key=lambda find: find.robustness))
-        self._report()
-        budget = self._budget
+        self._progress(history)
         ended = self._first and history.violated
         if ended or len(history.finds) >= budget or history.refused >= _MOST_REFUSED * budget:
             raise _BudgetSpentError
@@ -165,6 +161,7 @@ class Search:
             seeds = range(self.seed + 1, self.seed + 1 + self._fresh)
             again = [(find.row.overrides, seed) for seed in seeds]
             self.archive.confirm(find, self._rows(again, searched=False))
+            self.histories[-1].fresh += self._fresh
 
     def _rows(self, wanted: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
         """Return the row of each run, in this order; those that the journal lacks are computed."""
@@ -184,7 +181,7 @@ class Search:
         return Trial(job, self._attack, self._scales, searched)
 
     def _compute(self, trials: Mapping[_Key, Trial]) -> None:
-        attempts = dict.fromkeys(trials, 1)
+        attempts, history = dict.fromkeys(trials, 1), self.histories[-1]
         pending: dict[Future[Row], _Key] = {}
         try:
             for key, trial in trials.items():
@@ -205,18 +202,11 @@ class Search:
                         row = _lost(trials[key], error)
                     self._store.add(row)
                     self._known[key] = row
+                    history.begun += row.searched and START not in robustness_of(row)
+                    self._progress(history)
         finally:
             for future in pending:
                 future.cancel()
-
-    def _report(self) -> None:
-        history = self.histories[-1]
-        self._progress(
-            SearchProgress(
-                history.optimiser, len(history.finds), self._budget, history.best,
-                len(history.violated),
-            )
-        )  # fmt: skip
 
 
 def _lost(trial: Trial, error: Exception) -> Row:

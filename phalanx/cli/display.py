@@ -27,6 +27,8 @@ COLOUR = {
 
 _MOST_NAMES = 8
 """Most names of agents or pairs in one line."""
+_EVERY = 10.0
+"""Time from one line of progress to the next [s]."""
 
 
 class TextTable(Table):
@@ -89,6 +91,27 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
         # To stop a bar that was never shown would print an empty line.
         if bar.live.is_started:
             bar.stop()
+
+
+@contextlib.contextmanager
+def progress_of_runs(total: int) -> Iterator[Callable[[str, int, str], None]]:
+    """Show runs that are done, by a bar or some lines; yields show(title, their number, words)."""
+    count, words = _text("{task.completed:.0f}/{task.total:.0f}"), _text("{task.fields[words]}")
+    columns = _text("{task.description}"), BarColumn(), count, words, TimeRemainingColumn()
+    console, next_line = Console(stderr=True), 0.0
+    bar = Progress(*columns, console=console, transient=True, speed_estimate_period=1e4)
+    task = bar.add_task("", total=total, words="")
+    moves = console.is_terminal or console.is_jupyter
+
+    def show(title: str, done: int, words: str) -> None:
+        nonlocal next_line
+        bar.update(task, description=title, completed=done, words=words)
+        if not moves and time.monotonic() >= next_line:
+            console.print(bar)
+            next_line = time.monotonic() + _EVERY
+
+    with bar if moves else contextlib.nullcontext():
+        yield show
 
 
 @contextlib.contextmanager

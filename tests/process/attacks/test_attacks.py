@@ -56,18 +56,25 @@ def test_two_workers_find_the_same_as_one(whole):
     assert finds(folder) == finds(whole)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_killed_search_goes_on_where_it_was(whole, number):
+@pytest.mark.parametrize(
+    ("number", "rows"), [(signal.SIGINT, 5), (signal.SIGTERM, 20), (signal.SIGKILL, 5)]
+)
+def test_a_killed_search_goes_on_where_it_was(whole, number, rows):
+    """Random search has begun when there are 20 rows."""
     folder = whole.parent / number.name
     program = subprocess.Popen(command(folder, 1), stderr=subprocess.PIPE, text=True)
     journal = folder / "rows.journal"
-    wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 5)
+    wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= rows)
     workers = psutil.Process(program.pid).children(recursive=True)
     program.send_signal(number)
-    assert program.wait() != 0
+    assert program.wait() == (-number if number is signal.SIGKILL else 130)
     wait_for(lambda: not any(worker.is_running() for worker in workers))
-    if number is signal.SIGINT:
-        assert "the same command goes on" in program.stderr.read()
+    if number is not signal.SIGKILL:
+        said, *progress, stopped = filter(None, program.stderr.read().splitlines())
+        assert said.startswith("at most 12 runs by cma-es and 12 runs by random")
+        assert re.fullmatch(r"cma-es .* 0/24 .*", progress[0])
+        assert all("/24 " in line for line in progress)
+        assert "the same command goes on" in stopped
         assert (folder / "attack.html").exists()
     program.stderr.close()
     assert subprocess.run(command(folder, 2), capture_output=True).returncode == 2

@@ -1,5 +1,6 @@
 """Searches: found attacks repeat bit for bit, and a search is the same however it was made."""
 
+import signal
 import sys
 import tomllib
 from concurrent.futures import Executor, Future
@@ -7,8 +8,10 @@ from concurrent.futures import Executor, Future
 import pytest
 
 import phalanx
+from phalanx.attacks import attack as attacks
 from phalanx.attacks.attack import Options, attack
 from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.launcher import interrupt
 from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.studies.store import StudyError
 from tests.layers import layered
@@ -16,14 +19,14 @@ from tests.unit.attacks.weak import weak
 
 
 class Direct(Executor):
-    """Does each task at once; dies after so many."""
+    """Does each task at once; after so many comes a signal, as from the user."""
 
-    def __init__(self, most: int = 10**6) -> None:
-        self.done, self._most = 0, most
+    def __init__(self, most: int = 10**6, number=signal.SIGINT) -> None:
+        self.done, self._most, self._number = 0, most, number
 
     def submit(self, fn, /, *args, **named):
         if self.done == self._most:
-            raise KeyboardInterrupt
+            signal.raise_signal(self._number)
         self.done += 1
         future: Future = Future()
         future.set_result(fn(*args, **named))
@@ -58,7 +61,7 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     found = searched(scenario, tmp_path / "out", **options)
     (history,) = found.histories
     assert history.violated
-    assert len(history.finds) >= 15
+    assert len(history.finds) == 15
     for _, find, path in found.finds:
         run = phalanx.run(phalanx.load(path), engine="in-process")
         assert run.summary.trajectory == find.row.trajectory
@@ -88,12 +91,68 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
     complete, options = Direct(), {"budget": 3, "batch": 5, "fresh": 1}
     whole = searched(scenario, tmp_path / "whole", complete, **options)
     with pytest.raises(KeyboardInterrupt):
-        searched(scenario, tmp_path / "cut", Direct(most=8), **options)
+        searched(scenario, tmp_path / "cut", Direct(most=6), **options)
     assert (tmp_path / "cut" / "attack.html").exists()
     rest = Direct()
     again = searched(scenario, tmp_path / "cut", rest, **options)
     assert archive(again) == archive(whole)
-    assert complete.done - 8 <= rest.done < complete.done
+    assert complete.done - 7 <= rest.done < complete.done
+
+
+@pytest.fixture
+def installed():
+    """Remember signals as the command does."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    interrupt.install()
+    yield
+    interrupt.clear()
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.slow
+def test_a_signal_in_the_baseline_leaves_the_page(scenario, tmp_path, installed):
+    options = {"budget": 2, "batch": 5, "fresh": 0}
+    searched(scenario, tmp_path / "whole", whole := Direct(), **options)
+    with pytest.raises(KeyboardInterrupt):
+        searched(scenario, tmp_path, Direct(whole.done - 1, signal.SIGTERM), **options)
+    page = (tmp_path / "attack.html").read_text()
+    assert "The best attack" in page
+
+
+@pytest.mark.slow
+def test_a_signal_while_the_page_is_written_leaves_it_whole(
+    scenario, tmp_path, installed, monkeypatch
+):
+    written = attacks.write_attack_page
+    signals = iter([signal.SIGTERM])
+
+    def interrupted(*given):
+        for number in signals:
+            signal.raise_signal(number)
+        return written(*given)
+
+    monkeypatch.setattr(attacks, "write_attack_page", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        searched(scenario, tmp_path, budget=5, batch=5, fresh=0, baseline=False)
+    assert "The best attack" in (tmp_path / "attack.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_search_makes_no_more_runs_than_its_budget(scenario, tmp_path):
+    counts: list[int] = []
+    options = Options(budget=2, batch=5, fresh=1, optimiser="random")
+    found = attack(
+        scenario, {}, options, folder=tmp_path, executor=(executor := Direct()),
+        progress=lambda history: counts.append(history.begun),
+    )  # fmt: skip
+    (history,) = found.histories
+    assert len(history.finds) == 2
+    assert executor.done == 2 + history.refused + history.fresh
+    assert history.fresh == 1
+    assert counts == sorted(counts)
+    assert counts[0] == 0
+    assert counts[-1] == 2
 
 
 @pytest.mark.slow
