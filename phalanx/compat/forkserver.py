@@ -8,14 +8,20 @@ It can be removed when `requires-python` excludes those.
 has no option against it. Upstream has no issue yet. Its text: "A Process whose target is in an
 importable module should be able to refuse the import of `__main__`; scripts without a main guard
 run again in it."
+
+`end_fork_server`: until a killed server is a zombie, multiprocessing takes it for alive. Upstream
+has no issue yet.
 """
 
 import contextlib
+import multiprocessing.forkserver
 import os
+import signal
 import sys
 import threading
 import types
 from collections.abc import Iterator
+from typing import Any
 
 _changing_environment = threading.Lock()
 
@@ -29,6 +35,14 @@ def without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+def end_fork_server() -> None:
+    """Kill the fork server and await its death: the next start makes another."""
+    server: Any = multiprocessing.forkserver._forkserver
+    if server._forkserver_pid is not None:
+        os.kill(server._forkserver_pid, signal.SIGKILL)
+        os.waitid(os.P_PID, server._forkserver_pid, os.WEXITED | os.WNOWAIT)
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from phalanx.cli.options import Overrides
+from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def study(
     """Run a scenario many times: every seed at every point of a grid, a table row for each run.
 
     Asked again, it runs what is missing: after Ctrl-C or a crash, or for more seeds or values.
-    Writes study.toml, rows.parquet and study.html into its folder.
+    Writes study.toml, rows.parquet and study.html into its folder. Exit status: 3 if a run broke.
 
     Examples:
 
@@ -118,21 +119,18 @@ def study(
         return _open(folder, row, record)
     if folder is not None or row is not None or record:
         raise typer.BadParameter("FOLDER, --row and --record: expected after `phalanx study open`")
-    from phalanx.studies.progress import shown
     from phalanx.studies.study import study as run_study
 
     plan = _plan(scenario, seeds, vary, draw, draws, overrides, until_width)
     kept = out or Path("studies") / plan.name
     if why:
         return _say_why(plan, kept)
-    with _refusals(), connected(dask) as (executor, most), shown(plan) as show:
+    with _refusals(), connected(dask) as (executor, most):
         found = run_study(
-            plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=show,
+            plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=True,
             chunk=8 if executor else 1, in_flight=most or None,
         )  # fmt: skip
-    _print(found)
-    echo(f"page: {found.page()}")
-    return 0
+    return _shown(found)
 
 
 def _plan(
@@ -195,9 +193,7 @@ def _open(folder: Path | None, row: int | None, record: bool) -> int:
         found = open_study(folder)
         found.frame  # noqa: B018 - read here
     if row is None:
-        _print(found)
-        echo(f"page: {found.page()}")
-        return 0
+        return _shown(found)
     try:
         echo(found.command(row))
     except ValueError as error:
@@ -218,6 +214,7 @@ def _refusals() -> Iterator[None]:
     except StudyError as error:
         raise typer.BadParameter(str(error)) from error
     except KeyboardInterrupt:
+        interrupt.clear()  # said in one line
         echo_error("stopped; the finished rows are kept, and the same command goes on")
         raise
 
@@ -245,8 +242,8 @@ def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
         yield client.get_executor(pure=False), _JOBS_PER_THREAD * max(1, threads)
 
 
-def _print(found: "Study") -> None:
-    """Print a row for each point: how many runs had which outcome, and the interval."""
+def _shown(found: "Study") -> int:
+    """Print a row for each point, and write the page; return the exit status."""
     from rich.console import Console
 
     from phalanx.cli.display import TextTable
@@ -277,3 +274,7 @@ def _print(found: "Study") -> None:
         echo(f"{refused} runs were refused: their scenario is not valid; reasons are in the page")
     if found.missing:
         echo(f"{found.missing} of {found.plan.size} runs have no row")
+    echo(f"page: {found.page()}")
+    if broken := found.outcomes["broken"]:
+        echo_error(f"broken: {broken} of {found.plan.size} runs, see the page; run it again")
+    return 3 if broken else 0

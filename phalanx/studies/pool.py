@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from phalanx.compat.forkserver import without_main
+from phalanx.compat.forkserver import end_fork_server, without_main
 from phalanx.launcher.libraries import start_loading
 
 P = ParamSpec("P")
@@ -42,7 +42,7 @@ class Pool(ThreadPoolExecutor):
         """
         self.workers = workers or len(os.sched_getaffinity(0))
         super().__init__(self.workers, "study-pool")
-        self._context: Any = start_loading()
+        start_loading()
         self._idle: list[_Worker] = []
         self._busy: set[_Worker] = set()
         self._lock, self._cancelled = threading.Lock(), False
@@ -94,11 +94,22 @@ class Pool(ThreadPoolExecutor):
 
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
-        process = self._context.Process(target=_work, args=(theirs,), name="phalanx-study")
-        with without_main():
-            process.start()
+        try:
+            process = _started(theirs)
+        except (OSError, EOFError):  # a fork server that was killed may be seen to live on
+            end_fork_server()
+            process = _started(theirs)
         theirs.close()
         return _Worker(process, ours)
+
+
+def _started(connection: Connection) -> Any:
+    """Start the process of a worker, and return it."""
+    context: Any = start_loading()
+    process = context.Process(target=_work, args=(connection,), name="phalanx-study")
+    with without_main():
+        process.start()
+    return process
 
 
 def _work(connection: Connection) -> None:

@@ -6,15 +6,16 @@ what is missing, whatever ended it before.
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
+from phalanx.cli.display import progress_of_runs
 from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
@@ -24,10 +25,9 @@ from phalanx.scenario.model import Scenario
 from phalanx.schema.registry import as_table
 from phalanx.statistics.common_seeds import rate
 from phalanx.statistics.sequences import runs_until_width
-from phalanx.studies.coordinator import Coordinator, Options, Progress
+from phalanx.studies.coordinator import Coordinator, Options, Progress, StudyProgress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
-from phalanx.studies.progress import shown
 from phalanx.studies.row import REFUSED, counted, json_text
 from phalanx.studies.store import PLAN, Store
 
@@ -71,8 +71,8 @@ def study(
         chunk: runs in a job; more of them where jobs travel far.
         confirm: share of the runs that are repeated as processes and compared; the first violated
             and broken ones are, too, unless it is 0.
-        progress: True for a bar with the remaining time, in a terminal or a notebook; or a
-            function, called with a StudyProgress after each job.
+        progress: True for a bar with the remaining time, in a terminal or a notebook, and for some
+            lines elsewhere; or a function, called with a StudyProgress after each job.
 
     Returns:
         The study, whole; Ctrl-C raises KeyboardInterrupt, and keeps what was finished.
@@ -118,10 +118,19 @@ def open_study(folder: str | Path) -> "Study":
     return Study(Path(folder), read_plan(Path(folder) / PLAN))
 
 
-def _shown(plan: Plan, progress: Progress | bool) -> AbstractContextManager[Progress]:
-    if isinstance(progress, bool):
-        return shown(plan) if progress else nullcontext(silent)
-    return nullcontext(progress)
+@contextmanager
+def _shown(plan: Plan, progress: Progress | bool) -> Iterator[Progress]:
+    """Yield the function to call with the progress; True: shows it while the block runs."""
+    if progress is not True:
+        yield progress or silent
+        return
+    with progress_of_runs(plan.size) as show:
+
+        def shown(found: StudyProgress) -> None:
+            counts = (f"{n} {outcome}" for outcome, n in found.outcomes.most_common())
+            show(plan.name, found.done, ", ".join(counts))
+
+        yield shown
 
 
 class Computing:

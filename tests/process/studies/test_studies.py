@@ -1,16 +1,22 @@
 """Studies in real worker processes: the rows are those of runs, and nothing is lost or doubled."""
 
+import multiprocessing.forkserver
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 
 import psutil
 import pytest
 
 import phalanx
+from phalanx.cli.app import status
+from phalanx.scenario.load import inline
 from phalanx.studies.pool import Pool
 from tests.process.runs import wait_for
 
@@ -27,7 +33,10 @@ import numpy as np
 
 @dataclass
 class Killer:
-    """Kills its process at its first inputs, as often as the file has bytes."""
+    """Kills its process at its first inputs, as often as the file has bytes; of an s both.
+
+    Its parent is the fork server.
+    """
 
     file: str
 
@@ -40,6 +49,8 @@ class Killer:
             left = Path(self.file).read_bytes()
             if left:
                 Path(self.file).write_bytes(left[1:])
+                if left[:1] == b"s":
+                    os.kill(os.getppid(), 9)
                 os.kill(os.getpid(), 9)
         return np.zeros(2)
 '''
@@ -153,6 +164,43 @@ def test_a_worker_that_dies_costs_its_run_only_some_time(killer):
     assert deaths.read_bytes() == b""
     assert study.frame["seed"].to_list() == [0, 1, 2, 3]
     assert "broken" not in study.outcomes
+
+
+def test_a_fork_server_that_is_killed_costs_no_run(killer):
+    overrides, deaths = killer
+    deaths.write_bytes(b"ss")
+    study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2, confirm=0)
+    assert deaths.read_bytes() == b""
+    assert study.frame["seed"].to_list() == [0, 1, 2, 3]
+    assert "broken" not in study.outcomes
+
+
+@pytest.mark.parametrize("refuses", [True, False])
+def test_a_fork_server_that_is_not_dead_yet_costs_no_run(refuses):
+    """A server that was killed has no socket before it is a zombie, and looks alive."""
+    with Pool(1) as fresh:
+        address = multiprocessing.forkserver._forkserver._forkserver_address
+        Path(address).unlink()
+        if refuses:
+            socket.socket(socket.AF_UNIX).bind(address)
+        study = phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, executor=fresh)
+    assert study.outcomes == {"guaranteed": 2}
+
+
+def test_a_study_with_a_broken_run_says_so_and_ends_with_3(killer, tmp_path, capsys):
+    overrides, deaths = killer
+    deaths.write_bytes(b".....")  # the two runs by turns
+    fields = [("--set", f"{path}={inline(value)}") for path, value in overrides.items()]
+    options = ("--seeds", "0:2", "--workers", "1", "--confirm", "0", *chain.from_iterable(fields))
+    command = ["study", "unicycles", *options, "--out", str(tmp_path / "study")]
+    assert status(command) == 3
+    first, *lines, last = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"unicycles .* 0/2 .*", first)
+    assert all(re.fullmatch(r"unicycles .* 1/2 1 \w+ .*", line) for line in lines)
+    assert last.startswith("broken: 1 of 2 runs, see the page")
+    assert status(["study", "open", str(tmp_path / "study")]) == 3
+    assert status(command) == 0
+    assert status(["study", "open", str(tmp_path / "study")]) == 0
 
 
 def test_a_run_that_kills_every_worker_is_a_row_that_says_so(killer):
