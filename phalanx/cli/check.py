@@ -35,10 +35,8 @@ def check(
     """
     import phalanx
     from phalanx.cli.display import spinner
-    from phalanx.schema.user_code import code_trusted
 
-    with code_trusted(trust):
-        resolved = phalanx.load(scenario, overrides or (), seed)
+    resolved = phalanx.load(scenario, overrides or (), seed, trust=trust)
     with spinner(f"checking {resolved.name}") as show:
         report = phalanx.check(resolved, progress=show)
     _show(resolved, report)
@@ -77,10 +75,8 @@ def compile_scenario(
     import phalanx
     from phalanx.cli.display import spinner
     from phalanx.launcher.compiling import compile_scenario
-    from phalanx.schema.user_code import code_trusted
 
-    with code_trusted(trust):
-        resolved = phalanx.load(scenario, overrides or (), seed)
+    resolved = phalanx.load(scenario, overrides or (), seed, trust=trust)
     with spinner("compiling") as show:
         count = compile_scenario(resolved, lambda done, of: show(f"{done} of {of} functions"))
     known = "; those that it shares with earlier ones were known" if count else ": all were known"

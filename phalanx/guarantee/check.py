@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 from phalanx.arrays import Array
 from phalanx.guarantee.check_report import (
@@ -31,6 +32,7 @@ from phalanx.guarantee.start import (
     rows_at_start,
     with_safety,
 )
+from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
@@ -48,11 +50,20 @@ _MOST_NAMES = 8
 """Most names of agents in one sentence."""
 
 
-def check(scenario: Scenario, progress: Callable[[str], None] = lambda part: None) -> CheckReport:
-    """Check a scenario without running it; progress is called with the name of each part.
+def check(
+    scenario: Scenario | str | Path,
+    *,
+    trust: bool = True,
+    progress: Callable[[str], None] = lambda part: None,
+) -> CheckReport:
+    """Check a scenario, as run takes it, without running it.
+
+    trust: as load takes it; progress is called with the name of each part.
 
     Raises ScenarioError if the safe set cannot be built, as when relative degrees are mixed.
     """
+    if not isinstance(scenario, Scenario):
+        scenario = load(scenario, trust=trust)
     swarm = build_swarm(scenario)
     progress("rows")
     rows, x, box = require_runnable(swarm), swarm.start(), workspace(swarm)

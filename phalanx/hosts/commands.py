@@ -75,12 +75,10 @@ def keys(
     """
     from phalanx.hosts.authority import make_identities
     from phalanx.scenario.load import load
-    from phalanx.schema.user_code import code_trusted
     from phalanx.wire.credentials import ENDPOINT
     from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER
 
-    with code_trusted(trust):
-        programs = load(scenario, overrides or ()).programs()
+    programs = load(scenario, overrides or (), trust=trust).programs()
     names = [PLANT, ROUTER, VIEWER, OPERATOR, *programs]
     hub_hosts = ["localhost", "127.0.0.1", *(hosts or ())]
     try:
@@ -125,7 +123,6 @@ def router(
     from phalanx.identities import admission
     from phalanx.launcher.programs import configure_logging
     from phalanx.scenario.load import load
-    from phalanx.schema.user_code import code_trusted
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire import liveliness
     from phalanx.wire.keys import ROUTER
@@ -136,8 +133,7 @@ def router(
         identity_folder = identity_for(keys, endpoint, insecure)
     membership = Membership(run, listen, secret.encode(), ROUTER, identity_folder=identity_folder)
     configure_logging()
-    with code_trusted(trust):
-        swarm = build_swarm(load(scenario, overrides or (), seed))
+    swarm = build_swarm(load(scenario, overrides or (), seed, trust=trust))
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     stop_signal: SimpleQueue[int] = SimpleQueue()
     for number in (signal.SIGTERM, signal.SIGINT):

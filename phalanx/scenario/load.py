@@ -18,7 +18,7 @@ from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario
 from phalanx.schema.fields import field_path
 from phalanx.schema.registry import as_table
-from phalanx.schema.user_code import UntrustedCodeError
+from phalanx.schema.user_code import UntrustedCodeError, code_trusted
 
 _CHECKOUT = Path(__file__).parents[2]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -56,6 +56,8 @@ def load(
     seed: int | None = None,
 ) -> Scenario:
     """Read a scenario, override some of its fields, and validate it.
+    *,
+    trust: bool = True,
 
     Args:
         source: path of a TOML file, the name of a shipped scenario, or a scenario's table.
@@ -65,6 +67,7 @@ def load(
         seed: replaces the scenario's seed.
 
     Raises:
+        trust: import, and so run, the Python modules that it names.
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
     where, table = "scenario" if isinstance(source, Mapping) else str(source), read_table(source)
@@ -77,7 +80,8 @@ def load(
         table["seed"] = seed
     # No command can read a table.
     reading = None if isinstance(source, Mapping) else reading_of(where, overrides)
-    return validate(table, where).model_copy(update={"reading": reading})
+    with code_trusted(trust):
+        return validate(table, where).model_copy(update={"reading": reading})
 
 
 def reading_of(source: str, overrides: Mapping[str, Any]) -> Reading:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import ScenarioError, load, read_table, scenario_text
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
@@ -174,7 +174,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "own.toml").write_text(SCENARIO)
     monkeypatch.chdir(tmp_path)
     yield tmp_path
-    for name in ("swimming_user", "broken_user", "raising_user", "unparsable_user"):
+    for name in ("swimming_user", "broken_user", "raising_user", "unparsable_user", "foreign_user"):
         sys.modules.pop(name, None)
 
 
@@ -185,6 +185,26 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
     assert isinstance(dynamics, Dynamics)
     assert (type(dynamics).__name__, dynamics.speed, dynamics.current) == ("Swimmer", 2.0, 0.7)
     assert build_rows(swarm).chain.relative_degree == 1
+
+
+def test_load_and_check_import_nothing_without_trust(own):
+    table = read_table("one-on-one")
+    table["agents"][0]["law"] = {"type": "foreign_user:Law", "gain": 1.0}
+    (own / "foreign.toml").write_text(scenario_text(table))
+    (own / "foreign_user.py").write_text("from phalanx.extend import TrackVelocity as Law\n")
+    for door in (load, check):
+        with pytest.raises(ScenarioError, match=r"foreign_user:Law.*trust=True"):
+            door("foreign.toml", trust=False)
+    assert "foreign_user" not in sys.modules
+    assert load("foreign.toml", trust=True).agents[0].law["type"] == "foreign_user:Law"
+    assert "foreign_user" in sys.modules
+
+
+@pytest.mark.slow
+def test_check_takes_the_name_of_a_scenario_as_run_does():
+    assert check("one-on-one").answer == check(load("one-on-one")).answer
+    with pytest.raises(ScenarioError, match="did you mean 'one-on-one'"):
+        check("one-on-on")
 
 
 def test_a_class_within_another_is_named_by_both(own):
