@@ -1,6 +1,7 @@
 """Put malformed scenarios or recordings to their readers, which end in one line and soon.
 
 python evidence/attacks/fuzz_files.py scenarios 6000 [SEED]
+python evidence/attacks/fuzz_files.py checks 4000 [SEED]
 python evidence/attacks/fuzz_files.py recordings 1000 [SEED]
 
 A fault is another exception, a warning, more than five seconds of processor time, or more than a

@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from phalanx.arrays import Array
 from phalanx.guarantee.check_report import (
     BoundaryCondition,
@@ -32,12 +34,13 @@ from phalanx.guarantee.start import (
     rows_at_start,
     with_safety,
 )
-from phalanx.scenario.load import load
+from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.composed import Bound
+from phalanx.theory.rows.decision import NotANumberError
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
 
@@ -50,6 +53,7 @@ _MOST_NAMES = 8
 """Most names of agents in one sentence."""
 
 
+@np.errstate(all="ignore")  # what is not finite is said in words
 def check(
     scenario: Scenario | str | Path,
     *,
@@ -143,7 +147,10 @@ def _price(rows: SafetyRows) -> list[str]:
     if rows.swarm.safety.information.reads_roles:
         return []
     shared = with_safety(rows.swarm, information=Information.SPLIT)
-    own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
+    try:
+        own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
+    except NotANumberError as error:
+        raise ScenarioError(f"{rows.swarm.scenario.name}: at the start {error}") from error
     able = list(rows_at_start(rows).values())
     return [
         "No agent reads a role: each counts everyone else at worst. At the start "

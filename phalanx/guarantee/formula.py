@@ -227,6 +227,8 @@ def _by_interval(chain: Chain, expression: ca.SX, region: Region) -> Constant | 
 def _by_samples(chain: Chain, expression: ca.SX, samples: Array) -> Constant:
     function = ca.Function("c", [chain.set.x], [expression])
     values = np.array(function.map(len(samples))(samples.T))[0]
+    if np.isnan(values).all():
+        raise ValueError("a constant of the formula is not a number")
     return Constant(float(np.nanmax(values)), "sampled")
 
 

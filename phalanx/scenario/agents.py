@@ -162,8 +162,8 @@ class AgentGroup(Strict):
                 message = f"expected one for each of the {self.size} agents"
                 raise field_error((field,), message, per_agent)
         states = self._dynamics.states
-        for field, vectors in (("start", self.start), ("spread", (self.spread,))):
-            if any(vector and len(vector) != len(states) for vector in vectors):
+        for field, vectors in (("start", self.start), ("spread", (self.spread or states,))):
+            if any(len(vector) != len(states) for vector in vectors):
                 message = f"expected {len(states)} components {states}"
                 raise field_error((field,), message, getattr(self, field))
         if self.goal:

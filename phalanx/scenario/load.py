@@ -23,6 +23,8 @@ from phalanx.schema.user_code import UntrustedCodeError, code_trusted
 _CHECKOUT = Path(__file__).parents[2]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 """Keys that TOML needs no quotes for."""
+_DEEPEST, _LONGEST = 64, 1024
+"""Most tables and lists inside one another, and bits of an integer."""
 
 
 class ScenarioError(ValueError):
@@ -54,10 +56,10 @@ def load(
     source: str | Path | Mapping[str, Any],
     overrides: Sequence[str] | Mapping[str, Any] = (),
     seed: int | None = None,
-) -> Scenario:
-    """Read a scenario, override some of its fields, and validate it.
     *,
     trust: bool = True,
+) -> Scenario:
+    """Read a scenario, override some of its fields, and validate it.
 
     Args:
         source: path of a TOML file, the name of a shipped scenario, or a scenario's table.
@@ -65,9 +67,9 @@ def load(
             TOML, in which a bare word is a string. A value may be an object of a dataclass, such
             as a controller: its class and fields count.
         seed: replaces the scenario's seed.
+        trust: import, and so run, the Python modules that it names.
 
     Raises:
-        trust: import, and so run, the Python modules that it names.
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
     where, table = "scenario" if isinstance(source, Mapping) else str(source), read_table(source)
@@ -156,8 +158,8 @@ def field_and_value(override: str) -> tuple[str, Any]:
 def value_from(text: str) -> Any:
     """Read a value as TOML, but also .5 as a number; any other text is a string."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return _bounded(tomllib.loads(f"value = {text}"))["value"]
+    except (ValueError, RecursionError):
         pass
     try:  # TOML has no number that begins with a point
         return float(text)
@@ -168,8 +170,8 @@ def value_from(text: str) -> Any:
 def set_field(table: dict[str, Any], path: str, value: Any) -> None:
     """Set one field in place by its path. Raises ScenarioError if there is no such path."""
     keys = path.split(".")
-    if not all(keys):
-        raise ScenarioError(f"--set {path}: expected path.to.field")
+    if not all(keys) or len(keys) > _DEEPEST:
+        raise ScenarioError(f"--set {path[:80]}: expected path.to.field")
     node: Any = table
     for key in keys[:-1]:
         node = _step(node, key, path)
@@ -189,9 +191,9 @@ def _step(node: Any, key: str, override: str) -> Any:
 
 
 def _index(node: list[Any], key: str, override: str) -> int:
-    if not key.isdecimal() or int(key) >= len(node):
-        last = len(node) - 1
-        raise ScenarioError(f"--set {override}: expected an index from 0 to {last}, got {key!r}")
+    if not key.isdecimal() or len(key) > 9 or int(key) >= len(node):
+        got = f"expected an index from 0 to {len(node) - 1}, got {_short(key)}"
+        raise ScenarioError(f"--set {override[:80]}: {got}")
     return int(key)
 
 
@@ -203,10 +205,21 @@ def _as_table(path: str, value: Any) -> Any:
 
 
 def _parsed(source: str) -> dict[str, Any]:
+    text = _read(source)
     try:
-        return tomllib.loads(_read(source))
-    except tomllib.TOMLDecodeError as error:
+        return dict(_bounded(tomllib.loads(text)))
+    except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{source}: not valid TOML: {error}") from error
+
+
+def _bounded(value: Any, depth: int = 0) -> Any:
+    """Return a value of TOML. Raises ValueError: it is too deep, or too long, to be shown."""
+    if depth > _DEEPEST or (isinstance(value, int) and value.bit_length() > _LONGEST):
+        raise ValueError(f"more than {_DEEPEST} tables in one another, or {_LONGEST} bits")
+    inside = value.values() if isinstance(value, dict) else value
+    for each in inside if isinstance(value, dict | list) else ():
+        _bounded(each, depth + 1)
+    return value
 
 
 def _read(source: str) -> str:

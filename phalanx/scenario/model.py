@@ -279,6 +279,7 @@ class Scenario(Strict):
                 message = f"expected the name of an agent other than {own}"
                 raise field_error(("agents", index, "goal", place, "agent"), message, goal.leader)
 
+    @np.errstate(all="ignore")  # of numbers so large that there is no room
     def resolved(self) -> "Scenario":
         """Return the scenario with names instead of counts, and random starts and obstacles drawn.
 

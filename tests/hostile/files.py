@@ -8,16 +8,18 @@ from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import msgspec
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import phalanx
-from phalanx.scenario.load import ScenarioError, load, shipped
+from phalanx.guarantee.check import check
+from phalanx.scenario.load import ScenarioError, load, read_table, set_field, shipped, validate
 from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import build_swarm
-from tests.hostile.mutation import of_bytes, of_tree
+from tests.hostile.mutation import of_bytes, of_numbers, of_tree
 
 
 @cache
@@ -42,6 +44,60 @@ def try_scenario(draw: random.Random, folder: Path) -> str:
         except ScenarioError as error:
             return "refused" if str(error) else "refused without a word"
         return "accepted"
+
+
+_PAIRS = {"safety.composition": "pairs", "safety.information": "split", "safety.eta": 0.0}
+_CAR = {"type": "unicycle", "speed": 1.0, "turn_rate": 2.0}
+_CARS = {
+    **{f"agents.{n}.dynamics": _CAR for n in (0, 1)},
+    "agents.0.start": [[0.0, 0.0, 0.0]],
+    "agents.1.start": [[0.0, -1.7, 0.5]],
+    "agents.1.spread": [0.1, 0.1, 0.0],
+}
+_AHEAD = {"type": "heading-aware", "radius": 1.0, "kappa": 0.3}
+_BOX = {"center": [1.0, 2.0], "size": [1.0, 1.0], "clearance": 0.5}
+_POLYGON = {"corners": [[2.0, 2.0], [4.0, 2.0], [3.0, 4.0]], "clearance": 0.5}
+_FENCE = {"type": "fence", "center": [0.0, 0.0], "radius": 9.0}
+_SMALL: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("one-on-one", {"safety.information": "split", "agents.0.disturbance": {"bound": 0.1}}),
+    ("one-on-one", {**_PAIRS, "safety.margin": "integrated", "agents.0.sensing": 5.0}),
+    ("one-on-one", {**_PAIRS, "safety.margin": "local", "safety.function.type": "distance"}),
+    ("one-on-one", {**_CARS, "agents.0.controller": {"type": "cbf-qp"}}),
+    ("one-on-one", {**_CARS, "safety.function": _AHEAD}),
+    ("one-on-one", {"safety.information": "unknown", "agents.0.goal": [[1.0, 1.0]]}),
+    ("pinned", {"safety.information": "worst-case", "network": {"loss": 0.1, "delay": 0.01}}),
+    ("pinned", {"obstacles.0": _BOX}),
+    ("pinned", {"obstacles.0": _POLYGON, "limits": [_FENCE]}),
+    ("stale-inputs", {}),
+    ("disturbance-gap", {"workspace": {v: [-1.0, 1.0] for v in ("vx", "vy", "vz")}}),
+)  # fmt: skip
+"""Scenarios whose check takes less than a second, and their fields by path."""
+
+
+@cache
+def _small() -> tuple[dict[str, Any], ...]:
+    tables = tuple(read_table(name) for name, _ in _SMALL)
+    for table, (name, fields) in zip(tables, _SMALL, strict=True):
+        for path, value in fields.items():
+            set_field(table, path, value)
+        assert validate(table, name)
+    return tables
+
+
+def try_check(draw: random.Random, folder: Path) -> str:
+    """Check a spoilt scenario; raise unless the result is a report or an error of one line."""
+    spoil = draw.choice((of_tree, of_numbers))
+    table = spoil(draw.choice(_small()), draw, draw.choice((1, 1, 2, 3)))
+    # A user's report rests on 2000 states; the same code decides on 50.
+    with (
+        patch("phalanx.guarantee.check._SAMPLES", 50),
+        patch("phalanx.guarantee.check._BOUNDARY_STATES", 5),
+    ):
+        try:
+            report = check(load(table, trust=False))
+        except ScenarioError as error:
+            return "refused" if str(error) else "refused without a word"
+        return "accepted" if report.answer and repr(report) else "no answer"
 
 
 @cache
@@ -101,5 +157,6 @@ def try_recording(draw: random.Random, folder: Path) -> str:
 
 TRIALS: dict[str, Callable[[random.Random, Path], str]] = {
     "scenarios": try_scenario,
+    "checks": try_check,
     "recordings": try_recording,
 }

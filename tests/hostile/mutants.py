@@ -121,6 +121,8 @@ MUTANTS = (
     Mutant("a wrong token of a page", "viewer/phalanx_viewer/page/page.py",
            "if hmac.compare_digest(", "if True or hmac.compare_digest(",
            "tests/process/viewer/test_token.py"),
+    Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py", "not known.all()", "False",
+           "tests/unit/theory/rows/test_decide_pairs.py"),
     Mutant("keys for all", "phalanx/hosts/authority.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/hosts/test_authority.py"),
     Mutant("an agent's identity for a hub", "phalanx/hosts/authority.py",

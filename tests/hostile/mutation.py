@@ -29,6 +29,18 @@ def of_tree(tree: Any, draw: random.Random, changes: int = 1) -> Any:
     return spoilt
 
 
+def of_numbers(tree: Any, draw: random.Random, changes: int = 1) -> Any:
+    """A copy of lists, tables and values in which a few numbers are much smaller or larger."""
+    spoilt = copy.deepcopy(tree)
+    for _ in range(changes):
+        numbers = [(c, key) for c, key in _places(spoilt) if type(c[key]) in (int, float)]
+        container, key = draw.choice(numbers)
+        size = 10.0 ** draw.choice((draw.uniform(-4.0, 4.0), draw.uniform(-323.0, 308.0)))
+        number = int(size) if draw.random() < 0.2 else size
+        container[key] = -number if draw.random() < 0.2 else number
+    return spoilt
+
+
 def of_bytes(whole: bytes, draw: random.Random) -> bytes:
     """A copy with bits flipped, cut short, or with some bytes taken out, doubled or put in."""
     spoilt, at = bytearray(whole), draw.randrange(len(whole) + 1)

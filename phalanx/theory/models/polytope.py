@@ -157,6 +157,7 @@ def maximiser(c: Array, corners: Array) -> Array:
 
 def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
     """The polytope as numbers if it does not depend on the state. Raises EmptyPolytopeError."""
+    A, b = ca.SX(A), ca.SX(b)  # a user's may be arrays
     if not (A.is_constant() and b.is_constant()):
         return None
     faces = np.array(ca.DM(A))

@@ -5,7 +5,7 @@ from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST, dot, inner
-from phalanx.theory.models.polytope import Polytope, minimiser, vertices
+from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows, Terms
@@ -113,9 +113,10 @@ def finite_or_none(value: float) -> float | None:
 def least_violation(polytope: Polytope, rows: Rows) -> Array:
     """argmin over U_i of max_r (a_r u - bound_r), shape (m,): Eq. (LPnormal) for several rows.
 
-    A linear program in (u, s) with s the worst violation, solved at its vertices. Rows that stay
-    below the least possible s for every u cannot bind, and are left out. If margins are unknown,
-    with a bound of -inf, only those rows count, with a bound of 0.
+    A linear program in (u, s) with s the worst violation, solved at its vertices; at those of U_i
+    if float64 finds none. Rows that stay below the least possible s for every u cannot bind, and
+    are left out. If margins are unknown, with a bound of -inf, only those rows count, with a bound
+    of 0.
     """
     unknown = np.isneginf(rows.bound)
     if unknown.any():
@@ -126,6 +127,9 @@ def least_violation(polytope: Polytope, rows: Rows) -> Array:
     a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
     column = (0, 0), (0, 1)
     A = np.vstack([np.pad(a, column, constant_values=-1.0), np.pad(polytope.A, column)])
-    corners = vertices(A, np.concatenate([bound, polytope.b]))
-    best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
+    try:
+        corners = vertices(A, np.concatenate([bound, polytope.b]))
+        best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
+    except EmptyPolytopeError:
+        best = polytope.corners[int(np.argmin(residuals.max(axis=0)))]
     return best

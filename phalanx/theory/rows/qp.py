@@ -159,12 +159,13 @@ class NearestInput:
         if row is not None:
             a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
             sizes = length(a)
-            if (bound[sizes == 0.0] < 0.0).any() or np.isneginf(bound).any():
-                return None
             # Unit normals: rows of ‖a‖ from 1e-5 to 40 strain the tolerances. A row with a = 0 that
             # holds never binds.
             scale = np.where(sizes > 0.0, sizes, 1.0)
             bound = np.minimum(bound / scale, INFINITY)
+            known = (sizes < np.inf) & (bound > -INFINITY)
+            if (bound[sizes == 0.0] < 0.0).any() or not known.all():
+                return None
             A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
             allowed = np.concatenate((allowed, bound + TOLERANCE))
         if len(b) not in self._solvers:

@@ -15,6 +15,50 @@ def test_a_file_that_is_not_toml_says_where(tmp_path):
     assert str(error.value).startswith(path)
 
 
+TOO_MUCH = {
+    "lists": "x = " + "[" * 5000 + "]" * 5000,
+    "fewer lists": "x = " + "[" * 100 + "]" * 100,
+    "tables": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
+    "fewer tables": "x = " + "{a=" * 300 + "1" + "}" * 300,
+    "parts of a key": ".".join(["a"] * 20_000) + " = 1",
+    "parts of a table's key": "[" + ".".join(["a"] * 20_000) + "]\nb = 1",
+    "digits": "seed = " + "1" * 5000,
+    "hexadecimal digits": "name = 0x" + "f" * 5000,
+}
+
+VALUES = [what for what in TOO_MUCH if "key" not in what]
+
+
+@pytest.mark.parametrize("what", TOO_MUCH)
+def test_too_much_of_something_is_refused_in_words(what, tmp_path):
+    path = tmp_path / "much.toml"
+    path.write_text(TOO_MUCH[what], encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"much\.toml: not valid TOML: ") as error:
+        load(path)
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        *(f"network.loss={TOO_MUCH[what].partition(' = ')[2]}" for what in VALUES),
+        ".".join(["a"] * 20_000) + "=1",
+        f"agents.{'1' * 5000}.role=normal",
+    ],
+    ids=[*VALUES, "parts of a path", "digits of an index"],
+)
+def test_too_much_in_an_override_is_refused_in_words(override):
+    with pytest.raises(ScenarioError) as error:
+        load("one-on-one", [override])
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("group", [0, 1])
+def test_an_empty_start_is_refused(group):
+    with pytest.raises(ScenarioError, match=rf"agents\.{group}\.start: expected 2 components"):
+        load("one-on-one", {f"agents.{group}.start": [[]]})
+
+
 def test_a_file_that_is_not_text_is_refused(tmp_path):
     path = tmp_path / "noise.toml"
     path.write_bytes(b"\xff\xfe\x00")

@@ -96,3 +96,27 @@ def test_the_margin_told_is_that_of_the_row_nearest_to_binding():
 def test_the_backup_ignores_pairs_outside_the_neighbourhood():
     rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-5.0, np.inf]))
     assert least_violation(SQUARE, rows)[0] == pytest.approx(-1.0)
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize("size", [1.0, 1e100, 1e160, 1e300])
+def test_a_row_too_large_for_float64_is_not_dropped(size, capfd):
+    """The square of its length overflows from 1e154 on: then the backup keeps it."""
+    rows = Rows(np.array([[size, size], [0.0, 1.0]]), np.array([-1.0, 0.5]))
+    u = decide_pairs(SQUARE, rows, np.array([0.9, 0.9]), NearestInput((1.0, 1.0))).u
+    assert u[0] + u[1] <= -1.0 / size + 3 * TOLERANCE
+    assert u[1] <= 0.5 + TOLERANCE
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("size", [np.nan, np.inf])
+def test_a_row_that_is_not_a_number_reaches_no_solver(size, capfd):
+    """OSQP prints an error of it, whatever its settings."""
+    rows = Rows(np.array([[size, 1.0], [0.0, 1.0]]), np.array([-1.0, 0.5]))
+    assert NearestInput((1.0, 1.0)).solve(np.array([0.9, 0.9]), SQUARE, rows) is None
+    assert capfd.readouterr() == ("", "")
+
+
+def test_where_no_vertex_is_found_in_float64_the_best_corner_of_u_is_taken():
+    rows = Rows(np.array([[-6e68, -1e69]]), np.array([0.0]))
+    assert least_violation(SQUARE, rows).tolist() == [1.0, 1.0]
