@@ -149,9 +149,9 @@ def require_endpoint(endpoint: str | None) -> str | None:
     return endpoint
 
 
-def require_here(endpoint: str, insecure: bool, expected: str) -> None:
+def require_here(endpoint: str | None, insecure: bool, expected: str) -> None:
     """Reject an endpoint beyond this host unless --insecure; expected: the options to use."""
-    if not insecure and not on_loopback(endpoint):
+    if endpoint is not None and not insecure and not on_loopback(endpoint):
         raise typer.BadParameter(f"{endpoint} is not for this host alone: expected {expected}")
 
 

@@ -12,6 +12,8 @@ from phalanx.cli.option_checks import (
     live_run,
     require_endpoint,
     require_folder,
+    require_here,
+    require_here,
     require_run,
 )
 from phalanx.cli.options import (
@@ -90,6 +92,7 @@ def plant(
         "real_time": real_time,
     }
     loaded = load(scenario, overrides or (), seed)
+    require_here(getattr(loaded.fresh_world(), "router", None), insecure, "--insecure")
     if (out / RECORDING).exists():
         raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
     out.mkdir(parents=True, exist_ok=True)

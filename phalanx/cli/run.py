@@ -116,8 +116,7 @@ def run(
         if view or listen or secret or real_time or speed:
             names = "--view, --listen, --secret-file, --real-time or --speed"
             raise typer.BadParameter(f"--engine {engine}: expected no {names}")
-    if listen is not None:
-        require_here(listen, insecure, "--insecure; phalanx plant has --keys")
+    require_here(listen, insecure, "--insecure; phalanx plant has --keys")
     # Under a limit of memory this process loads the libraries first, to report their failure.
     if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
         with contextlib.suppress(OSError):  # reported when the run begins
@@ -127,6 +126,7 @@ def run(
 
     ignore_closed_pipes()
     resolved = phalanx.load(scenario, overrides or (), seed)
+    require_here(getattr(resolved.fresh_world(), "router", None), insecure, "--insecure")
     if dry_run:
         if not hasattr(resolved.fresh_world(), "dry_run"):
             raise typer.BadParameter("--dry-run: expected a world of robots, such as ros2")

@@ -205,13 +205,23 @@ class Scenario(Strict):
             link.check_names(names, ("network", "links", index))
         self._check_workspace()
         self._check_reseed()
-        self.fresh_world()
+        self._check_robots()
         agents = {name: group.facts for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
             fault.check(agents, ("faults", index))
         if self.attack is not None:
             self.attack.check(agents, ("attack",))
         return self
+
+    def _check_robots(self) -> None:
+        world = self.fresh_world()
+        if world is None or not hasattr(world, "require_robots"):
+            return
+        groups = self.named()
+        try:
+            world.require_robots({n: g.dynamics_object() for g in groups for n in g.names})
+        except ValueError as error:
+            raise field_error(("world",), str(error), self.world) from error
 
     def fresh_world(self) -> World | None:
         """Build the world that the table describes, if there is one."""

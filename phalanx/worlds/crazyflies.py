@@ -20,7 +20,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.aerial import GRAVITY, IdentifiedQuadrotor, Quadrotor
-from phalanx.theory.models.dynamics import weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.world import Determinism, WorldAgent, WorldStates
 
 _SWITCH = "SCIPY_ARRAY_API"
@@ -43,6 +43,12 @@ class Crazyflies:
     def determinism(self) -> Determinism:
         """Portable arithmetic alone."""
         return "bits"
+
+    def require_robots(self, agents: Mapping[str, Dynamics]) -> None:
+        """Raise ValueError unless all agents, by name, have the states of a quadrotor."""
+        for name, dynamics in agents.items():
+            if tuple(dynamics.states) not in (Quadrotor.states, IdentifiedQuadrotor.states):
+                raise ValueError(f"agent {name}: expected dynamics with states of quadrotor")
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         """Start all drones without turning. Raises ValueError."""
@@ -118,13 +124,9 @@ class _Motion:
 
 
 def _filter_lag(agent: WorldAgent) -> float:
-    """Return the time constant of a drone's thrust filter [s], or 0. Raises ValueError."""
-    states = agent.dynamics.states
-    if states == IdentifiedQuadrotor.states:
-        return float(getattr(agent.dynamics, "filter_lag", 0.0))
-    if states == Quadrotor.states:
-        return 0.0
-    raise ValueError(f"agent {agent.name}: expected dynamics with states of quadrotor")
+    """Return the time constant of a drone's thrust filter [s], or 0."""
+    identified = tuple(agent.dynamics.states) == IdentifiedQuadrotor.states
+    return float(getattr(agent.dynamics, "filter_lag", 0.0)) if identified else 0.0
 
 
 def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[str, Any]]:

@@ -5,7 +5,7 @@ and how fast the wheels turn; it does not know what fails.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Annotated, Any, Literal, NamedTuple
@@ -71,13 +71,20 @@ class Mujoco:
         """MuJoCo's results depend on its build and the CPU's instructions."""
         return "build"
 
-    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
-        """Build the robots, and start them upright. Raises ValueError."""
-        names = [agent.name for agent in agents]
-        if unknown := {failure.agent for failure in self.failures} - set(names):
+    def require_robots(self, agents: Mapping[str, Dynamics]) -> None:
+        """Raise ValueError unless all agents, by name, have such states, and only they fail."""
+        if unknown := {failure.agent for failure in self.failures} - agents.keys():
             raise ValueError(
                 f"failures: expected names of agents, got {', '.join(sorted(unknown))}"
             )
+        for name, dynamics in agents.items():
+            if tuple(dynamics.states) not in _STATES:
+                wanted = "dynamics with states of dynamic-unicycle or unicycle"
+                raise ValueError(f"agent {name}: expected {wanted}")
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        """Build the robots, and start them upright. Raises ValueError."""
+        names = [agent.name for agent in agents]
         self._mujoco = _mujoco()
         text = swarm_model(names, self.mass, self.friction, self.rolling)
         self._model = self._mujoco.MjModel.from_xml_string(text)
@@ -217,12 +224,8 @@ class _Robot:
 
 
 def _rate(agent: WorldAgent) -> CompiledFunction:
-    """Return the function (x, u) -> x' of an agent's declared dynamics. Raises ValueError."""
+    """Return the function (x, u) -> x' of an agent's declared dynamics."""
     dynamics: Dynamics = agent.dynamics
-    if tuple(dynamics.states) not in _STATES:
-        raise ValueError(
-            f"agent {agent.name}: expected dynamics with states of dynamic-unicycle or unicycle"
-        )
     x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     return CompiledFunction([x, u], [dynamics.drift(x) + dynamics.actuation(x) @ u])
 

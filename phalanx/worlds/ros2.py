@@ -93,14 +93,16 @@ class Ros2:
         """Nothing of a real robot repeats."""
         return "none"
 
+    def require_robots(self, agents: Mapping[str, Dynamics]) -> None:
+        """Raise ValueError unless all agents, by name, can be robots in the plane."""
+        if unknown := self.robots.keys() - agents:
+            raise ValueError(f"robots: expected names of agents, got {', '.join(sorted(unknown))}")
+        for name, dynamics in agents.items():
+            _require_planar(name, dynamics, self.robots.get(name, RobotTable()))
+
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         """Meet all robots at their starts. Raises ValueError, RuntimeError."""
-        names = [agent.name for agent in agents]
-        if unknown := set(self.robots) - set(names):
-            raise ValueError(f"robots: expected names of agents, got {', '.join(sorted(unknown))}")
-        tables = {name: self.robots.get(name, RobotTable()).of(name) for name in names}
-        for agent in agents:
-            _require_planar(agent, tables[agent.name])
+        tables = {a.name: self.robots.get(a.name, RobotTable()).of(a.name) for a in agents}
         try:
             connect = extension("ros2-robots")
         except ModuleNotFoundError as error:
@@ -296,12 +298,12 @@ def _step(dynamics: Dynamics) -> Any:
     return lambda *given: np.array(function(*given)[0])
 
 
-def _require_planar(agent: WorldAgent, table: Mapping[str, Any]) -> None:
-    states, inputs = tuple(agent.dynamics.states), tuple(agent.dynamics.inputs)
+def _require_planar(name: str, dynamics: Dynamics, table: RobotTable) -> None:
+    states, inputs = tuple(dynamics.states), tuple(dynamics.inputs)
     if _KINDS.get(states) != inputs:
         raise ValueError(
-            f"agent {agent.name}: expected unicycle, or single-integrator or double-integrator "
+            f"agent {name}: expected unicycle, or single-integrator or double-integrator "
             "with dimension = 2"
         )
-    if len(states) == 4 and table["odometry_type"] != "Odometry":
-        raise ValueError(f"robots.{agent.name}.odometry_type: expected Odometry, for velocities")
+    if len(states) == 4 and table.odometry_type != "Odometry":
+        raise ValueError(f"robots.{name}.odometry_type: expected Odometry, for velocities")

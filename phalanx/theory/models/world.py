@@ -56,6 +56,7 @@ class World(Protocol):
 
     `phalanx.testing.check_world` tries whether it keeps what is said here. A world whose attribute
     `real_time` is true runs in real time alone; a method `close()` is called after the run.
+    `require_robots(dynamics)`, by agent, may raise ValueError of what cannot be its robots.
     """
 
     @property

@@ -69,9 +69,8 @@ def test_names_that_the_package_does_not_have_are_refused(field):
 
 @needs_models
 def test_drones_with_other_coordinates_are_refused():
-    other = WorldAgent("one", PlanarQuadrotor(thrust=4.0, tilt=0.4), np.zeros(6))
     with pytest.raises(ValueError, match="agent one: expected dynamics with states of quadrotor"):
-        Crazyflies().begin([other], 0, 1e-3)
+        Crazyflies().require_robots({"one": PlanarQuadrotor(thrust=4.0, tilt=0.4)})
 
 
 FITTED = "so_rpy_rotor_drag"

@@ -127,14 +127,13 @@ def test_what_fails_is_noted_and_needs_a_disturbance_from_then_on(failure, text)
 
 @needs_mujoco
 def test_robots_with_other_coordinates_are_refused():
-    other = WorldAgent("one", SingleIntegrator(1.0), np.zeros(2))
     with pytest.raises(ValueError, match="agent one: expected dynamics with states of dynamic-"):
-        Mujoco().begin([other], 0, 1e-3)
+        Mujoco().require_robots({"one": SingleIntegrator(1.0)})
 
 
 def test_a_failure_of_no_agent_is_refused():
     with pytest.raises(ValueError, match="failures: expected names of agents, got 9"):
-        Mujoco(failures=(Failure(at=1.0, agent="9"),)).begin(robots(HEAVY), 0, 1e-3)
+        Mujoco(failures=(Failure(at=1.0, agent="9"),)).require_robots({"one": HEAVY})
 
 
 def test_without_mujoco_the_error_says_what_to_install(monkeypatch):

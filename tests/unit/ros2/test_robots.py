@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import phalanx
 from examples.ros2_robots import robot
 from phalanx.ros2.cdr import message_type
 from phalanx.ros2.robots import Odometry, Seen, Twist, seen_of
+from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.models.world import WorldAgent
 from phalanx.worlds.ros2 import Ros2, _Held, _Robot
 
@@ -52,10 +54,41 @@ def test_robots_need_real_time():
         phalanx.run(scenario, engine="in-process")
 
 
+@dataclass(frozen=True)
+class Renamed(Unicycle):
+    """Moves in the plane, by inputs that no command has."""
+
+    inputs = ("v", "w")
+
+
+OWN = {"type": f"{__name__}:Renamed", "speed": 0.4, "turn_rate": 2.0, "offset": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes", "said"),
+    [
+        ("ros2-robots", {"agents.0.dynamics": OWN}, "agent 1: expected unicycle, or single"),
+        ("ros2-robots", {"world.robots": {"9": {}}}, "robots: expected names of agents, got 9"),
+        ("rovers", {"world.failures": [{"at": 1, "agent": "9"}]}, "failures: expected names of "),
+        ("rovers", {"world": {"type": "crazyflies"}}, "agent 1: expected dynamics with states of"),
+        ("crazyflies", {"world": {"type": "mujoco"}}, "agent cf-1: expected dynamics with states"),
+    ],
+)
+def test_agents_that_cannot_be_a_worlds_robots_are_refused_when_the_file_is_read(
+    scenario, changes, said
+):
+    with pytest.raises(ScenarioError, match=f"world: {said}"):
+        load(f"worlds/{scenario}", changes)
+
+
+def test_a_field_of_a_world_is_named_by_its_path():
+    with pytest.raises(ScenarioError, match=r"robots: world\.robots\.1\.speed: unknown field"):
+        load("worlds/ros2-robots", {"world.robots": {"1": {"speed": 1}}})
+
+
 def test_only_planar_robots_can_be_driven():
-    car = WorldAgent("car", KinematicBicycle(1.0, 1.0), np.zeros(4))
     with pytest.raises(ValueError, match="agent car: expected unicycle"):
-        Ros2().begin([car], 0, 1e-3)
+        Ros2().require_robots({"car": KinematicBicycle(1.0, 1.0)})
 
 
 def test_a_velocity_is_commanded_in_the_robots_own_axes():
