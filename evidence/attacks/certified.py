@@ -167,7 +167,7 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
             attacker.kill()
         running.append(
             _start(
-                *("-m", "phalanx", "plant", "--listen", endpoint, "--out", str(folder), *of_run),
+                *("-m", "phalanx", "plant", "--listen", endpoint, "--folder", str(folder), *of_run),
                 *("--keys", str(own / PLANT), "--speed", str(SPEED)),
             )
         )

@@ -13,7 +13,6 @@ from phalanx.cli.option_checks import (
     require_endpoint,
     require_folder,
     require_here,
-    require_here,
     require_run,
 )
 from phalanx.cli.options import (
@@ -52,12 +51,12 @@ def plant(
             help="Zenoh endpoint of a router to meet the agents at, in place of --listen.",
         ),
     ] = None,
-    out: Annotated[
+    folder: Annotated[
         Path,
         typer.Option(
-            envvar="PHALANX_OUT",
+            envvar="PHALANX_FOLDER",
             callback=require_folder,
-            help="Folder for the recording and the summary; made if it is not there.",
+            help="The run's folder, for recording and summary; made if it is not there.",
         ),
     ] = Path("."),
     seed: Seed = None,
@@ -86,16 +85,16 @@ def plant(
     own = identity_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), PLANT, identity_folder=own)
     options = {
-        "folder": out,
+        "folder": folder,
         "policy": policy,
         "at_router": connect is not None,
         "real_time": real_time,
     }
     loaded = load(scenario, overrides or (), seed)
     require_here(getattr(loaded.fresh_world(), "router", None), insecure, "--insecure")
-    if (out / RECORDING).exists():
-        raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
-    out.mkdir(parents=True, exist_ok=True)
+    if (folder / RECORDING).exists():
+        raise typer.BadParameter(f"--folder: expected one without a recording, got {folder}")
+    folder.mkdir(parents=True, exist_ok=True)
     return _run_here(loaded, membership, options)
 
 

@@ -155,7 +155,7 @@ def over_the_wire(
     endpoint = f"{protocol}/{HERE}:7447"
     command = (sys.executable, "-m", "phalanx")
     plant = bed.start(bed.here, *command, "plant", *scenario, *overrides, "--listen", endpoint,
-                      "--out", str(out), "--real-time", "1")  # fmt: skip
+                      "--folder", str(out), "--real-time", "1")  # fmt: skip
     programs = [plant]
     try:
         for n in range(1, 6):

@@ -27,7 +27,7 @@ def test_it_prints_every_broadcast(tmp_path, monkeypatch):
     monkeypatch.setenv("PHALANX_SECRET", "s")
     endpoint = free_endpoint()
     follower = start(EXAMPLE, endpoint, "r1")
-    plant = start("-m", "phalanx", "plant", *RUN, "--listen", endpoint, "--out", tmp_path)
+    plant = start("-m", "phalanx", "plant", *RUN, "--listen", endpoint, "--folder", tmp_path)
     # No agent comes before it listens, so it cannot miss the first broadcast.
     assert follower.stdout.readline() == "following run r1\n"
     names = ["1", "2"]

@@ -55,7 +55,7 @@ class Hosts:
         self.start(SOUTH, "router", "--listen", SOUTH, "--connect", NORTH)
 
     def start_plant(self) -> subprocess.Popen[str]:
-        return self.start(NORTH, "plant", "--connect", NORTH, "--out", str(self.out))
+        return self.start(NORTH, "plant", "--connect", NORTH, "--folder", str(self.out))
 
     def start_agents(self) -> list[subprocess.Popen[str]]:
         return [self.start(host, "agent", n, "--connect", host) for n, host in PLACES.items()]

@@ -53,7 +53,7 @@ class Programs:
     def __init__(self, keys: Path, out: Path) -> None:
         self.keys, self.out = keys, out
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
-        self.running = [self.start("plant", "--listen", self.endpoint, "--out", str(out))]
+        self.running = [self.start("plant", "--listen", self.endpoint, "--folder", str(out))]
         self.said = ""
         """All that they printed, once they have ended."""
 

@@ -37,7 +37,7 @@ class Programs:
     def start_members(self, *plant: str) -> None:
         """Start plant and agents; `plant` has further options of its."""
         where = ("--connect", self.endpoint)
-        self.plant = self.start("plant", *where, "--out", str(self.out), *plant)
+        self.plant = self.start("plant", *where, "--folder", str(self.out), *plant)
         members = [self.start("agent", str(n + 1), *where) for n in range(self.agents)]
         self.started += [self.plant, *members]
 

@@ -100,7 +100,7 @@ def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(
     out.mkdir()
     monkeypatch.setenv("PHALANX_SECRET", "s")
     common = ("--scenario", "unicycles", "--set", "duration=0.5", "--run", "r")
-    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(out))
+    plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(out))
     agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
     assert plant.finish()[0] == 0
     assert [agent.finish()[0] for agent in agents] == [0] * 5
@@ -115,7 +115,7 @@ def test_an_agent_with_another_scenario_is_refused_by_name(phalanx, tmp_path):
 
     endpoint = free_endpoint()
     common = ("--scenario", "unicycles", "--run", "r")
-    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
     phalanx("agent", "3", *common, "--connect", endpoint, "--seed", "5")
     status, output = plant.finish()
     assert status == 3

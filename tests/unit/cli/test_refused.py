@@ -51,7 +51,7 @@ REFUSED = [
     ("view a --port 0", "'--port'"),
     ("network fit nowhere", "nowhere"),
     ("plant --scenario unicycles --run a/b", "'--run'"),
-    ("plant --scenario unicycles --run r --out file", "'--out'"),
+    ("plant --scenario unicycles --run r --folder file", "'--folder'"),
     ("agent 1 --scenario unicycles --run a*b", "'--run'"),
     ("run unicycles --set safety.audit=true", "safety.audit: unknown field (misspelt, or ret"),
     ("agent 1 --scenario unicycles --run r --timeout=-1", "'--timeout'"),
@@ -118,9 +118,9 @@ def test_an_empty_argument_is_refused_with_its_place(capsys):
 
 def test_a_plant_does_not_write_over_a_recording(tmp_path, capsys):
     (tmp_path / "recording.mcap").write_bytes(b"kept")
-    asked = ["plant", "--scenario", "unicycles", "--run", "r", "--out", str(tmp_path)]
+    asked = ["plant", "--scenario", "unicycles", "--run", "r", "--folder", str(tmp_path)]
     assert status(asked) == USAGE_ERROR
-    assert "--out: expected a folder without a recording" in capsys.readouterr().err
+    assert "--folder: expected one without a recording" in capsys.readouterr().err
     assert (tmp_path / "recording.mcap").read_bytes() == b"kept"
 
 
@@ -128,7 +128,7 @@ def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(t
     with socket.create_server(("127.0.0.1", 0)) as taken:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         asked = ["plant", "--scenario", "one-on-one", "--run", "r", "--listen", endpoint]
-        assert status([*asked, "--out", str(tmp_path)]) == 3
+        assert status([*asked, "--folder", str(tmp_path)]) == 3
     assert f"cannot listen on {endpoint}" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
