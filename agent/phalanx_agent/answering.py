@@ -94,7 +94,6 @@ class SampleAnswering:
         if self.pending is accepted:
             self.pending = None
             self.error = self._step.broadcasts_missing(accepted)
-            log.error("%s", self.error)
             self._give_up()
 
     def _drop(self, key: str, reason: Malformed) -> None:

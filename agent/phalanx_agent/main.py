@@ -19,13 +19,13 @@ from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.liveliness import PlantPresence
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import LONGEST_FAILURE, Telemetry
+from phalanx.wire.messages import LONGEST_FAILURE, StepFailedError, Telemetry
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
 from phalanx.wire.step_report import StepReport
 from phalanx_agent.answering import SampleAnswering, pending_watchdog
 from phalanx_agent.clock import clock_of
-from phalanx_agent.step import Answer, ControlStep, StepFailedError, control_steps
+from phalanx_agent.step import Answer, ControlStep, control_steps
 
 log = logging.getLogger("phalanx.agent")
 

@@ -27,6 +27,7 @@ from phalanx.wire.messages import (
     Actuation,
     Broadcast,
     Sample,
+    StepFailedError,
     Telemetry,
 )
 from phalanx.wire.seal import Malformed
@@ -66,14 +67,6 @@ class Accepted(Struct, frozen=True):
     """Stacked state, shape (n̄,); NaN for agents that are not seen."""
     existing: dict[int, BroadcastRange]
     """The broadcasts that it counts, by sender."""
-
-
-class StepFailedError(RuntimeError):
-    """A sample cannot be answered; the message names the code that failed, where and how."""
-
-    def __init__(self, message: str, sample: Sample) -> None:
-        super().__init__(message)
-        self.sample = sample
 
 
 class ControlStep:

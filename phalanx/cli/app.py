@@ -139,12 +139,13 @@ def _status_of(error: Exception) -> int | None:
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError
     from phalanx.theory.models.world import WorldError
+    from phalanx.wire.messages import StepFailedError
     from phalanx.wire.session import HubError
 
     if isinstance(error, ScenarioError):
         return USAGE_ERROR
-    failed = isinstance(error, EngineError | HubError | UnreadableRecordingError | WorldError)
-    return FAILED if failed else None
+    failed = EngineError | HubError | StepFailedError | UnreadableRecordingError | WorldError
+    return FAILED if isinstance(error, failed) else None
 
 
 def _has_command(app: typer.Typer, arguments: list[str]) -> bool:

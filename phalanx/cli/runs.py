@@ -117,7 +117,8 @@ def _summary(run: Path) -> "Summary | None":
     from phalanx.guarantee.verdict import read_summary
     from phalanx.recording.records import SUMMARY
 
+    file = run / SUMMARY
     try:
-        return read_summary((run / SUMMARY).read_bytes())
+        return read_summary(file.read_bytes()) if file.is_file() else None
     except (OSError, ValueError):
         return None

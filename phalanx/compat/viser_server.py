@@ -1,7 +1,8 @@
 """Add to viser's server what it has no option for: check origins, and replace scripts by name.
 
 viser 1.1 calls websockets' serve() in a thread of its own, without `origins` and with one handler
-for all paths. It keeps every script, and every later visitor runs it again.
+for all paths. It keeps every script, and every later visitor runs it again. websockets logs a
+traceback for each connection that ends before its handshake.
 
 Upstream has no issue yet. Its text: "ViserServer should take `origins` for websockets.serve():
 without it any page that a user visits can connect to the server on his machine and command it.
@@ -9,6 +10,7 @@ RunJavascriptMessage should take a key by which a later script replaces an earli
 """
 
 import contextlib
+import logging
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
@@ -30,6 +32,8 @@ def serving(
     sends the page's origin. Without the check a foreign page could watch and command a run.
     """
     # viser's constructor returns when its thread listens: the block lasts long enough.
+    websockets_log = logging.getLogger("websockets.server")
+    websockets_log.addFilter(lambda record: record.msg != "opening handshake failed")
     module = websockets.asyncio.server
     serve, allowed = module.serve, [None, *map(Origin, origins)]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from phalanx_agent.step import StepFailedError, control_steps
+from phalanx_agent.step import control_steps
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.observers.recorder import RecordSink
@@ -28,7 +28,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Sample, Status, Telemetry
+from phalanx.wire.messages import Sample, Status, StepFailedError, Telemetry
 from phalanx.wire.seal import Malformed
 
 T = TypeVar("T")

@@ -40,11 +40,17 @@ def announced(folder: Path, membership: Membership) -> Iterator[None]:
 
 
 def find_live(folder: Path) -> Membership | None:
-    """Return a viewer's membership of this folder's run; None if it or its launcher has ended."""
-    with contextlib.suppress(OSError, msgspec.DecodeError), (folder / LIVE).open("rb") as file:
-        found = msgspec.json.decode(file.read(), type=Membership)
+    """Return a viewer's membership of this folder's run; None if it or its launcher has ended.
+
+    Raises EngineError: what has the file's name is none, such as a pipe.
+    """
+    file = folder / LIVE
+    if file.exists() and not file.is_file():
+        raise EngineError(f"{file}: expected a regular file: remove it, a run did not make it")
+    with contextlib.suppress(OSError, msgspec.DecodeError), file.open("rb") as opened:
+        found = msgspec.json.decode(opened.read(), type=Membership)
         try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(opened, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:  # its launcher holds the lock, or the file system has none
             return found
     return None

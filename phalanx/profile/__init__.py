@@ -68,5 +68,5 @@ class Stopwatch:
 
 def read_profile(folder: Path) -> list[TimeSpent]:
     """Read the times of a run's programs from a folder; none if it does not exist."""
-    files = sorted(folder.glob("*.json"))
+    files = sorted(filter(Path.is_file, folder.glob("*.json")))
     return [msgspec.json.decode(file.read_bytes(), type=TimeSpent) for file in files]

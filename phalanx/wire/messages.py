@@ -38,6 +38,14 @@ class Message(
     version: int = VERSION
 
 
+class StepFailedError(RuntimeError):
+    """A sample cannot be answered; the message names the code that failed, where and how."""
+
+    def __init__(self, message: str, sample: "Sample") -> None:
+        super().__init__(message)
+        self.sample = sample
+
+
 class Sample(Message, frozen=True, kw_only=True):
     """Plant to agent i at its sampling instant: the states that it sees."""
 

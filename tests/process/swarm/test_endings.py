@@ -138,7 +138,7 @@ def test_agents_leave_by_themselves_when_the_hub_is_closed(phalanx, tmp_path):
     """Nothing is shared but Zenoh: there is no launcher here that could stop them."""
     endpoint = free_endpoint()
     common = ("--scenario", "unicycles", "--run", "r", "--set", "time.timeout=600")
-    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
     agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
     recording = tmp_path / "recording.mcap"
     wait_for(lambda: recording.exists() and recording.stat().st_size > 100_000)
@@ -146,6 +146,23 @@ def test_agents_leave_by_themselves_when_the_hub_is_closed(phalanx, tmp_path):
     for agent in agents:
         status, output = agent.finish(timeout=PATIENCE)
         assert status == 0, output
+
+
+WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding", gain = 1.0 }'
+
+
+def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_path):
+    endpoint = free_endpoint()
+    of_run = ("--set", "time.timeout=10", "--set", "duration=1", "--set", WITHHOLDING)
+    common = ("--scenario", "unicycles", "--run", "r", *of_run)
+    phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
+    first, *_ = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
+    status, output = first.finish(timeout=PATIENCE)
+    assert status == 3
+    assert "Traceback" not in output
+    (said,) = (line for line in output.splitlines() if "waits at sample" in line)
+    assert "broadcast 10 of agent 3 did not come. Its sender withholds it" in said
+    assert "see the sender's log" in said
 
 
 def test_a_killed_launcher_leaves_no_orphan(phalanx):
@@ -192,7 +209,7 @@ def test_an_agent_leaves_a_hub_that_is_killed_as_soon_as_it_has_met_it(phalanx, 
     """Even one that has not yet seen that the plant is there."""
     endpoint = free_endpoint()
     common = ("--scenario", "one-on-one", "--run", "r")
-    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
     wait_for(lambda: "LISTEN" in states(plant))
     agent = phalanx("agent", "1", *common, "--connect", endpoint, "--timeout", "3")
     wait_for(lambda: "ESTABLISHED" in states(agent))

@@ -1,5 +1,6 @@
 """The page's server: its port, and that a page of another origin cannot connect."""
 
+import socket
 from collections.abc import Iterator
 
 import pytest
@@ -38,6 +39,19 @@ def test_its_own_pages_and_those_named_may_connect(server: SceneServer) -> None:
 def test_a_foreign_page_is_refused(server: SceneServer, origin: str) -> None:
     with pytest.raises(InvalidStatus, match="403"):
         hello(server, origin)
+
+
+@pytest.mark.parametrize("said", [b"", b"GET / HTTP/1.1\r\n", b"\x16\x03\x01 nonsense\r\n\r\n"])
+def test_a_connection_that_ends_before_its_handshake_leaves_no_traceback(
+    server: SceneServer, caplog: pytest.LogCaptureFixture, said: bytes
+) -> None:
+    with socket.create_connection(("127.0.0.1", server.get_port())) as visitor:
+        visitor.sendall(said)
+        visitor.shutdown(socket.SHUT_WR)
+        while visitor.recv(1024):
+            pass
+    assert hello(server, None)
+    assert not caplog.records
 
 
 def test_two_pages_without_a_port_asked_for_get_one_each(server: SceneServer) -> None:

@@ -9,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.cli.app import FAILED, status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.live import LIVE, announced, find_live
+from phalanx.profile import read_profile
+from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.wire.membership import Membership
 
 OURS = Membership("r", "tcp/127.0.0.1:7447", b"secret")
@@ -45,6 +48,30 @@ def test_it_is_not_written_into_a_file_that_somebody_else_put_there(tmp_path: Pa
     with pytest.raises(EngineError, match=LIVE), announced(tmp_path, OURS):
         pass
     assert not (tmp_path / LIVE).read_bytes()
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("command", ["tap", "view", "ros2", "runs"])
+def test_a_pipe_in_its_place_is_refused_in_words(tmp_path: Path, capsys, command: str) -> None:
+    folder = tmp_path / "r-1"
+    folder.mkdir()
+    (folder / RECORDING).touch()
+    os.mkfifo(folder / LIVE)
+    assert status([command, str(tmp_path if command == "runs" else folder)]) == FAILED
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"{folder / LIVE}: expected a regular file" in said
+
+
+@pytest.mark.timeout(20)
+def test_pipes_in_the_places_of_other_files_are_not_read(tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "r-1"
+    folder.mkdir()
+    (folder / RECORDING).touch()
+    os.mkfifo(folder / SUMMARY)
+    os.mkfifo(folder / "plant.json")
+    assert status(["runs", str(tmp_path)]) == 0
+    assert "broken: no summary" in capsys.readouterr().out
+    assert read_profile(folder) == []
 
 
 def test_it_has_a_viewers_keys_and_goes_with_the_run(tmp_path: Path) -> None:
