@@ -111,7 +111,8 @@ MOST_NOTES, LONGEST_NAME = 32, 40
 """Most notes of a sample, and characters of their names."""
 
 
-class ControlledAgent(NamedTuple):
+@dataclass(frozen=True)
+class ControlledAgent:
     """The agent that a controller serves, and the swarm around it: what is known before a run."""
 
     i: int

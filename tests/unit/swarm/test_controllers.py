@@ -118,6 +118,14 @@ class Looking(Held):
 
 
 @dataclass
+class Indexing(Held):
+    """Takes the index for an attribute of that name."""
+
+    def prepare(self, agent):
+        self.index = agent.index
+
+
+@dataclass
 class Noting(Held):
     def input(self, view):
         view.note(wish=view.u_nom[0], early=view.t < 0.1)
@@ -156,6 +164,7 @@ MISTAKES = {
     "Raising": "got AttributeError: 'ControllerView' object has no attribute 'states' (keeping.py",
     "Choosy": "controller of 1: it wants three inputs",
     "Unready": "got AttributeError: 'ControlledAgent' object has no attribute 'gain' (keeping.py",
+    "Indexing": "got AttributeError: 'ControlledAgent' object has no attribute 'index' (keeping.py",
     "Unbounded": "got ValueError: note: expected a finite number, got gap = nan (keeping.py",
     "Chatty": "got ValueError: note: expected at most 32, got 33 (keeping.py",
     "LongWinded": "got ValueError: note: expected at most 40 ASCII letters, got nnn",
