@@ -6,12 +6,12 @@ from typing import Any
 
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.dynamics import heading
 
 WITHIN, BEYOND = "within", "beyond"
 _AROUND = 5.0
 """Half-width of the box around an adversary's start [m]."""
 _POSITIONS = {"x", "y", "z", "px", "py", "pz"}
-_HEADING = "theta"
 _GAINS = 5.0
 """Largest factor on a law's gain."""
 _LINKS = ["lie", "loss", "hold", "partition"]
@@ -32,9 +32,9 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
     starts, vary = {}, dict[str, Any]()
     for i, member in enumerate(swarm.members):
         if member.adversary:
-            states, own = member.dynamics.states, x[parts[i]].tolist()
-            known = zip(states, own, strict=True)
-            starts[member.name] = [_interval(state, value, states) for state, value in known]
+            turns, own = heading(member.dynamics), x[parts[i]].tolist()
+            known = enumerate(zip(member.dynamics.states, own, strict=True))
+            starts[member.name] = [_interval(*state, turns=k == turns) for k, state in known]
     declared = scenario.attack
     alone = {*starts, *declared.starts, *declared.scripts} if declared else {*starts}
     for g, group in enumerate(_separate(scenario, alone)):
@@ -57,10 +57,10 @@ def _separate(scenario: Scenario, names: set[str]) -> list[Any]:
     ]
 
 
-def _interval(state: str, value: float, states: tuple[str, ...]) -> list[float]:
+def _interval(state: str, value: float, turns: bool) -> list[float]:
     if state in _POSITIONS:
         return [round(value - _AROUND, 2), round(value + _AROUND, 2)]
-    if state == _HEADING and states[:2] == ("x", "y"):
+    if turns:
         return [-math.pi, math.pi]
     return [value, value]
 

@@ -20,6 +20,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
 from phalanx.theory.margins.margin import MarginConstants
+from phalanx.theory.models.dynamics import angles
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.obstacles import Wall
@@ -27,7 +28,6 @@ from phalanx.theory.safety.obstacles import Wall
 _BISECTIONS = 40
 _AROUND = 10.0
 """Width of the default workspace around starts, obstacles and path [m]."""
-_ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
 _MOST_INSTRUCTIONS = 4000
 """Larger expressions are sampled, since an interval extension would take too long."""
 _USELESS = 1e9
@@ -45,7 +45,7 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
         path = np.array([scenario.formation.center(t).position for t in times])
         points += [path - reach, path + reach]
     everywhere = np.concatenate(points)
-    known = dict.fromkeys(_ANGLES, (-math.pi, math.pi))
+    known = {name: (-math.pi, math.pi) for m in swarm.members for name in angles(m.dynamics)}
     for axis, low, high in zip("xyz", everywhere.min(0), everywhere.max(0), strict=False):
         known[axis] = low - _AROUND, high + _AROUND
     known |= given

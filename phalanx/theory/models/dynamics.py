@@ -113,6 +113,25 @@ def units(dynamics: Dynamics) -> Units:
     )
 
 
+def angles(dynamics: Dynamics) -> set[str]:
+    """Names of the states that are angles: those in rad, and the heading."""
+    named, turns = enumerate(units(dynamics).states.items()), heading(dynamics)
+    return {name for k, (name, unit) in named if unit == "rad" or k == turns}
+
+
+def heading(dynamics: Dynamics) -> int | None:
+    """Index of the state that turns the output point's velocity about z; None without one."""
+    x, u = (ca.SX.sym("s", len(names)) for names in (dynamics.states, dynamics.inputs))
+    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
+    velocity = (ca.jacobian(dynamics.position(x), x) @ rate)[:2]
+    # By an angle, the derivative of a turned vector is that vector, a quarter turn ahead.
+    off = ca.jacobian(velocity, x) - ca.vertcat(-velocity[1], velocity[0])
+    # At numbers without a pattern, that is so for the heading alone.
+    some = [np.linspace(0.3, 0.7, values.numel()) for values in (x, u)]
+    columns = ca.Function("off", [x, u], [off])(*some).full().T
+    return next((k for k, column in enumerate(columns) if np.allclose(column, 0.0)), None)
+
+
 def require_sound(dynamics: Dynamics) -> None:
     """Call all methods of a dynamics and check their results.
 

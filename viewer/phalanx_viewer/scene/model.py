@@ -14,13 +14,12 @@ from phalanx.swarm.goals import AgentGoal
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.dynamics import Dynamics, heading
 from phalanx.theory.safety.composition import ComposedSet, stacked_slices
 from phalanx.theory.safety.function import Boundary, outlines
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx_viewer.scene.colours import COLOURS, Colour, Role
 
-_HEADING_STATES = ("theta", "psi", "yaw", "heading")
 _MOST_SHOWN_WHOLE = 24
 _PATH_POINTS = 96
 
@@ -68,9 +67,8 @@ def _in_space(p: ca.SX) -> ca.SX:
 
 def _heading(dynamics: Dynamics, x: ca.SX) -> ca.SX:
     """An agent's heading: along its heading angle, else along its velocity if x has that."""
-    for k, name in enumerate(dynamics.states):
-        if name in _HEADING_STATES:
-            return ca.vertcat(ca.cos(x[k]), ca.sin(x[k]), 0)
+    if (turns := heading(dynamics)) is not None:
+        return ca.vertcat(ca.cos(x[turns]), ca.sin(x[turns]), 0)
     return _in_space(ca.jacobian(dynamics.position(x), x) @ dynamics.drift(x))
 
 
