@@ -38,6 +38,10 @@ class Series(NamedTuple):
         found = np.isfinite(self.y)
         return Series(self.t[found], self.y[found])
 
+    def held(self, until: float) -> "Series":
+        """The same, with the last value until a later time [s]."""
+        return Series(np.append(self.t, [until] * len(self.t[-1:])), np.append(self.y, self.y[-1:]))
+
 
 def kept(y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bool = True) -> Index:
     """Choose the values of y, shape (s,), through which it is drawn, by index; NaN is a gap.

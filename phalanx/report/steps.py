@@ -108,8 +108,7 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
         applied = curve.applied
         if known:
             style.draw_line(axes, curve.nominal, colour=style.MUTED, width=0.7, held=True)
-        held = Series(np.append(applied.t, held_until), np.append(applied.y, applied.y[-1]))
-        style.draw_line(axes, held, colour=colour[name], width=0.9, held=True)
+        style.draw_line(axes, applied.held(held_until), colour=colour[name], width=0.9, held=True)
         bounds = [bound for bound in curve.bounds if bound is not None]
         for bound in bounds:
             axes.axhline(bound, color=style.LIMIT, linestyle=":", linewidth=1.2)

@@ -69,3 +69,9 @@ def test_a_fault_period_lasts_until_the_same_agent_is_fine_or_to_the_end():
         Period(0, "frozen", 1.0, 3.0),
         Period(1, "dead", 2.0, 9.0),
     ]
+
+
+def test_a_held_value_lasts_until_later_and_nothing_is_held_before_the_first():
+    held = Series(np.array([0.0, 1.0]), np.array([2.0, 3.0])).held(5.0)
+    np.testing.assert_array_equal(held, [[0.0, 1.0, 5.0], [2.0, 3.0, 3.0]])
+    assert len(Series(np.zeros(0), np.zeros(0)).held(5.0).t) == 0

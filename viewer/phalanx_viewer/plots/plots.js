@@ -197,7 +197,9 @@ function drawCurve(p, X, Y, curve) {
     return;
   }
   const kind = isBold(curve) ? "chosen" : role || (content.adversaries[agent] ? "adversary" : "other");
-  const points = t.map((v, k) => [X(v), Y(y[k])]);
+  // An agent holds what a control step decided until the next one.
+  const held = agent != null || role === "guide";
+  const points = t.flatMap((v, k) => [...held && k ? [[X(v), Y(y[k - 1])]] : [], [X(v), Y(y[k])]]);
   line(p, points, colour(kind), kind === "chosen" ? 1.8 : 1, kind === "guide" ? [4, 3] : []);
 }
 

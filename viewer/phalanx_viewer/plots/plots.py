@@ -144,7 +144,7 @@ class _Plots:
                 _INPUT.format(found.name), found.unit,
                 [
                     curve(found.nominal, "nominal", role="guide", most=self._most),
-                    curve(found.applied, agent=i, most=self._most),
+                    curve(found.applied.held(self._times[2]), agent=i, most=self._most),
                 ],
                 found.bounds, of_agents=True, agent=i,
             )
