@@ -159,6 +159,8 @@ class CommandPolicy:
     """Programs that have it may command the run; empty: none may."""
     speed: float = 0.0
     """Initial speed, as for CommandKind.SPEED."""
+    real_time: bool = False
+    """Whether virtual time follows the wall clock, which cannot go as fast as possible."""
 
 
 NO_COMMANDS = CommandPolicy()

@@ -230,6 +230,8 @@ class Setup(Message, frozen=True, kw_only=True):
     """The resolved scenario as JSON."""
     commandable: bool
     """Whether the plant obeys commands."""
+    real_time: bool
+    """Whether virtual time follows the wall clock, which has no speed 0."""
 
 
 class CommandMessage(Message, frozen=True, kw_only=True):

@@ -130,7 +130,7 @@ def run(
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:
             hub.session.listen_for_commands(commands.on_command)
-        hub.session.answer_viewers(commandable=bool(policy.secret))
+        hub.session.answer_viewers(commandable=bool(policy.secret), real_time=policy.real_time)
         if stopwatch:
             hub.time(stopwatch)  # before the judge keeps a reference to one of its methods
         try:
@@ -165,7 +165,7 @@ def _clock_for(
     """Return the hub and the clock of a run, and the policy with its speed."""
     if real_time is None:
         return LockstepHub, partial(Lockstep, synchronization=look_ahead), policy
-    return RealTimeHub, RealTime, replace(policy, speed=real_time)
+    return RealTimeHub, RealTime, replace(policy, speed=real_time, real_time=True)
 
 
 def _send_result(result_pipe: Connection | None, result: Summary | str) -> None:

@@ -84,7 +84,7 @@ class CommandQueue:
 
         check_stop is called at every wait and may raise to end the run.
         """
-        self.pace = Pace(policy.speed)
+        self.pace, self._real_time = Pace(policy.speed), policy.real_time
         self.refusals = Refusals(log)
         self._schedule = _in_order([c for c in policy.schedule if c.changes_trajectory])
         self._names, self._check_stop = names, check_stop
@@ -125,9 +125,8 @@ class CommandQueue:
         taken = self._scheduled(now)
         while not self._live.empty():
             command = self._live.get()
-            if command.kind != CommandKind.SPEED or command.value:
-                self._set_pace(command, now)
-                taken.append(msgspec.structs.replace(command, t=now, fault=-1))
+            self._set_pace(command, now)
+            taken.append(msgspec.structs.replace(command, t=now, fault=-1))
         return taken
 
     def declare(self, commands: Iterable[Command]) -> None:
@@ -164,6 +163,9 @@ class CommandQueue:
                 raise Malformed("out of order")
             if refusal(message.command, self._names):
                 raise Malformed("wrong command")
+            asked = message.command.kind, message.command.value
+            if self._real_time and asked == (CommandKind.SPEED, 0.0):
+                raise Malformed("speed 0 in real time")
         except Malformed as reason:
             self.refusals.add(key, f"command: {reason}")
             return

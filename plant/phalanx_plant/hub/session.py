@@ -56,9 +56,10 @@ class PlantSession:
         """Declare the plant's token, with its scenario's digest."""
         self._token = liveliness.announce(self._session, self._keys.alive(PLANT, digest))
 
-    def answer_viewers(self, commandable: bool) -> None:
+    def answer_viewers(self, commandable: bool, real_time: bool) -> None:
         """Answer queries for the scenario."""
-        setup = Setup(scenario=to_json(self._scenario).encode(), commandable=commandable)
+        scenario = to_json(self._scenario).encode()
+        setup = Setup(scenario=scenario, commandable=commandable, real_time=real_time)
         key = self._keys.scenario
         pubsub.answer(self._session, key, self._sealer.seal(key, setup))
 

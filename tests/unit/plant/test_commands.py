@@ -100,3 +100,13 @@ def test_of_faults_that_overlap_none_ends_another(faults, expected):
             state.apply(command)
         found += letter[state.condition[0]]
     assert found == expected
+
+
+@pytest.mark.parametrize(("real_time", "expected"), [(False, ["speed"]), (True, [])])
+def test_speed_0_is_refused_in_words_in_real_time_alone(real_time, expected):
+    policy = CommandPolicy(secret=SECRET, speed=1.0, real_time=real_time)
+    queue = CommandQueue(policy, ("1", "2"))
+    put(queue, 5, Command(0.0, CommandKind.SPEED))
+    assert [command.kind for command in queue.due(0.0)] == expected
+    assert queue.pace.speed == float(real_time)
+    assert queue.refusals.counts == ({"command: speed 0 in real time": 1} if real_time else {})

@@ -58,6 +58,7 @@ class Live(AbstractContextManager["Live"]):
             self.log, self.violations = self.history.log, self.history.violations.values()
             self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
+            self.real_time = setup.real_time
             sealer = Sealer(command_secret)
             self._commands = pubsub.SealedPublisher(self._session, sealer, self._keys.command)
             # When all is ready: Zenoh's threads call from here on.

@@ -25,7 +25,8 @@ _SAME_TIME = 1e-9
 """Times that differ by rounding alone [s]."""
 _NO_RESIDUAL = 1e-9
 """Residuals this small are 0 but for rounding: the row holds with equality."""
-_SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
+_SPEEDS = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""To choose from, as of CommandKind.SPEED."""
 
 
 class Panels:
@@ -177,12 +178,13 @@ class CommandPanel:
         with self.folder:
             self._pause = gui.add_button_group("Run", ("Pause", "Resume", "Step"))
             self._step = gui.add_number("Step [s]", 0.01, min=0.001, max=10.0, step=0.001)
-            self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
+            self._speed = gui.add_dropdown("Speed", ("",))
             self._loss = gui.add_slider("Loss [%]", min=0, max=100, step=1, initial_value=0)
             self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
             self._agent = gui.add_button_group("Agent", _on_agent(selected))
-        self._shown: tuple[float | None, float | None] = None, None
-        """Loss and delay in the last frame."""
+        self._speeds = dict[str, float]()
+        self._shown: tuple[float | None, ...] = None, None, None
+        """Loss, delay and speed in the last frame."""
 
         def command(kind: CommandKind, value: Callable[[], float]) -> Callback:
             # Only for visitors: viser also calls back when show() sets a value.
@@ -195,7 +197,7 @@ class CommandPanel:
 
         self._pause.on_click(in_loop(lambda _: self._command_pace()))
         self._agent.on_click(in_loop(command_agent))
-        self._speed.on_update(command(CommandKind.SPEED, lambda: _SPEEDS[self._speed.value]))
+        self._speed.on_update(command(CommandKind.SPEED, lambda: self._speeds[self._speed.value]))
         self._loss.on_update(command(CommandKind.LOSS, lambda: self._loss.value / 100.0))
         self._delay.on_update(command(CommandKind.DELAY, lambda: self._delay.value / 1000.0))
 
@@ -204,15 +206,21 @@ class CommandPanel:
         self._agent.options = _on_agent(selected)
 
     def show(self, frame: Frame) -> None:
-        """Set the sliders to the plant's loss and delay."""
+        """Set the fields to the plant's loss, delay and speed."""
         # Only what changed: otherwise a slider that a visitor has just moved would jump back before
         # the command is sent, and the command would carry the old value.
-        loss, delay = self._shown
+        loss, delay, speed = self._shown
         if frame.loss is not None and frame.loss != loss:
             self._loss.value = round(100.0 * frame.loss)  # type: ignore[misc]
         if frame.delay is not None and frame.delay != delay:
             self._delay.value = round(1000.0 * frame.delay)  # type: ignore[misc]
-        self._shown = frame.loss, frame.delay
+        if frame.speed != speed:
+            known = sorted({*_SPEEDS, frame.speed} - ({0.0} if self._live.real_time else set()))
+            names = [f"{s:g} ×" if s else "as fast as possible" for s in known]
+            self._speeds = dict(zip(names, known, strict=True))
+            self._speed.options = tuple(names)
+            self._speed.value = names[known.index(frame.speed)]  # type: ignore[misc]
+        self._shown = frame.loss, frame.delay, frame.speed
 
     def _command_pace(self) -> None:
         kind = CommandKind(self._pause.value.lower())
