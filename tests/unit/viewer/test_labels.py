@@ -1,8 +1,9 @@
 """No text covers another, and the more important one stays."""
 
 import numpy as np
+import pytest
 from phalanx_viewer.scene.cameras import View
-from phalanx_viewer.scene.texts import LETTER, place_texts, text_position
+from phalanx_viewer.scene.texts import LETTER, place_texts, text_places
 
 
 def placed(at: list[list[float]], letters: list[int]) -> list[int]:
@@ -30,8 +31,21 @@ def test_a_text_that_is_not_shown_takes_no_room() -> None:
     assert placed([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]], [1, 1, 1]) == [0, 2]
 
 
+@pytest.mark.parametrize(("high", "below"), [(3.0, True), (0.0, True), (-3.5, False)])
+@pytest.mark.parametrize("slant", [0.5, -0.5])
+def test_the_text_of_a_pair_is_below_it_but_not_where_the_legend_is(
+    high: float, below: bool, slant: float
+) -> None:
+    view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.0)
+    a, b = np.array([-1.0, high - slant, 0.0]), np.array([1.0, high + slant, 0.0])
+    first, other = text_places(a, b, letters=5, clear=0.1, view=view)[:, 1] - high
+    assert (first < -0.1, other > 0.1) == (below, below)
+    assert (first > 0.1, other < -0.1) == (not below, not below)
+
+
 def test_the_text_next_to_a_pair_at_the_pictures_edge_stays_inside() -> None:
     view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.5, 1.5)
     a, b = (np.array([0.74 * view.spans(np.zeros((1, 3)))[0], y, 0.0]) for y in (0.0, 0.1))
-    right = view.project(text_position(a, b, letters=20, clear=0.1, view=view)[None])[0, 0]
-    assert 0.0 < right <= 0.75 - 20 * LETTER / 2.0 + 1e-9
+    right = view.project(text_places(a, b, letters=20, clear=0.1, view=view))[:, 0]
+    assert (right > 0.0).all()
+    assert (right <= 0.75 - 20 * LETTER / 2.0 + 1e-9).all()

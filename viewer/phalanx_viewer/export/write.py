@@ -98,7 +98,7 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
     parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
-    parts = parts.replace("<!--LEGEND-->", legend()).replace("/*DATA*/", shown)
+    parts = parts.replace("<!--LEGEND-->", legend(replay.model)).replace("/*DATA*/", shown)
     return scene[:end] + parts + scene[end:]
 
 

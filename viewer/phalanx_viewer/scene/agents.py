@@ -148,11 +148,11 @@ class LineNodes:
     def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
         self._model, self._palette = model, palette
         # viser needs a colour for each end from the start, if the node shall ever have them.
-        self.paths = _lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
-        self._drops = _lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
-        self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
-        self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
-        self.links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
+        self.paths = lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
+        self._drops = lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
+        self._worst_pair = lines(scene, "/worst pair", WORST_PAIR, 3.0)
+        self._unsafe = lines(scene, "/unsafe pairs", DANGER, 6.0)
+        self.links = lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
         self.links.visible = False
         self._colours = np.tile(palette.faint, (len(model.names), 1))
         self._past = np.zeros((0, len(model.names), 3))
@@ -196,9 +196,10 @@ class LineNodes:
         return palette.sections if self._model.crowded else palette.faint
 
 
-def _lines(
+def lines(
     scene: viser.SceneApi, name: str, colour: Colour | NDArray[np.int_], pixels: float
 ) -> viser.LineSegmentsHandle:
+    """Add a node for lines, of one colour or a colour for each end, shape (s, 2, 3)."""
     return scene.add_line_segments(
         name, _NOTHING, colour, thickness=pixels, thickness_units="screen"
     )

@@ -42,7 +42,7 @@ class Scene:
         self.lines = agents.LineNodes(to.scene, model, LIGHT)
         self.labels = LabelNodes(to.scene, model)
         self.banner = Panel(to.gui, markup(), order=-1.0)
-        Panel(to.gui, legend(), order=99.0)
+        Panel(to.gui, legend(model), order=99.0)
         self.selection = agents.SelectionNodes(to.scene, LIGHT)
         client = to if isinstance(to, viser.ClientHandle) else None
         self.camera = Camera(client, _direction(model.flat), _REACH * model.body, model.corners)

@@ -7,10 +7,11 @@ import numpy as np
 import viser
 
 from phalanx.arrays import Array
+from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
-from phalanx_viewer.scene.colours import COLOURS, DANGER, LATE, LIE, WORST_PAIR, Colour, Role
+from phalanx_viewer.scene.colours import COLOURS, DANGER, LATE, LIE, OBSTACLE, WORST_PAIR, Role
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import update
+from phalanx_viewer.scene.nodes import single, update
 from phalanx_viewer.scene.picture import Picture
 
 
@@ -24,10 +25,9 @@ _NODES = 24
 """Most labels at a time: each is a node of its own."""
 _PAIR = -1
 """The worst pair's key among agents."""
-_STEADY = 0.003
-"""Smallest visible move, in shorter sides of the picture: two pixels."""
-LETTER, _LINE = 0.013, 0.032
-"""Width of a letter and height of a line, in the shorter side of a usual picture."""
+LETTER, _LINE, _LEGEND = 0.013, 0.032, -0.35
+"""Width of a letter, height of a line, and of the legend's edge over the picture's middle, in the
+shorter side of a usual picture."""
 _LINES = 3
 """Most pairs that the banner names; all are in the event log."""
 _STYLE = Markup("""<style>
@@ -40,8 +40,8 @@ _STYLE = Markup("""<style>
 .phalanx-alarm { top: 12px; padding: 6px 12px; color: #fff; background: #e11d2e;
   box-shadow: 0 2px 12px #e11d2e88; font-weight: 600; }
 .phalanx-alarm.phalanx-past { background: #92400e; box-shadow: none; font-weight: 400; }
-.phalanx-legend { bottom: calc(var(--phx-timeline, 0px) + 10px); padding: 3px 12px;
-  background: color-mix(in srgb, var(--mantine-color-body) 85%, transparent);
+.phalanx-legend { bottom: calc(var(--phx-timeline, 0px) + var(--phx-notice, 0px) + 10px);
+  padding: 3px 12px; background: color-mix(in srgb, var(--mantine-color-body) 85%, transparent);
   color: var(--mantine-color-text); font-size: 12px; }
 .phalanx-legend summary { cursor: pointer; font-weight: 600; }
 .phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1em; }
@@ -86,20 +86,26 @@ def banner(unsafe: list[str], past: list[str]) -> Markup:
     return element("div", *lines, kind=f"phalanx-over phalanx-alarm{kind}", role="alert")
 
 
-def legend() -> Markup:
-    """Marks of the scene and their meanings, in an element that can be folded, and the style."""
+def legend(model: SceneModel) -> Markup:
+    """Marks of a scene and their meanings, in an element that can be folded, and the style."""
     marks = [_mark("▲", COLOURS[role], role) for role in Role]
     marks += [
         _mark("◉", DANGER, "unsafe: h above 0"),
         _mark("◎", LIE, "sent a false broadcast"),
         _mark("∘", COLOURS[Role.NORMAL], "goal"),
-        _mark("◯", (100, 116, 139), "circles touch where h = 0"),
+        _mark("◯", OBSTACLE, "circles touch where h = 0"),
         element("span", element("b", "◯"), " chosen agent"),
         _mark("—", WORST_PAIR, "worst pair"),
         _mark("—", LATE, "late link"),
         _mark("—", DANGER, "lost link"),
         element("span", element("b", "→"), " applied input"),
-        _mark("→", (148, 163, 184), "nominal input"),
+        _mark("→", OBSTACLE, "nominal input"),
+        _mark("∿", OBSTACLE, "recent path"),
+        _mark("■", OBSTACLE, "obstacle or limit"),
+        _mark("┄", WORST_PAIR, "path of the formation's middle"),
+        _mark("▒", WORST_PAIR, "width of the formation")
+        if model.flat
+        else _mark("┃", OBSTACLE, "height over the ground"),
     ]
     summary = element("summary", "Legend")
     kind = "phalanx-over phalanx-legend"
@@ -107,43 +113,44 @@ def legend() -> Markup:
     return markup(_STYLE, folding)
 
 
-def _mark(sign: str, colour: Colour, text: str) -> Markup:
+def _mark(sign: str, colour: tuple[int, int, int], text: str) -> Markup:
     return element("span", element("b", sign, style=f"color:rgb{colour}"), f" {text}")
 
 
 class LabelNodes:
     """Texts by importance: unsafe agents, the chosen one, the worst pair, the others.
 
-    Names of the first two are placed wherever there is room around their agents, others above.
+    Names of the first two are placed wherever there is room around their agents, others above or
+    below. A line leads from the worst pair to its text.
     """
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
         self._model = model
-        count = min(_NODES, len(model.names)) + 1
-        self._free = [
+        self._nodes = [
             scene.add_label(f"/labels/{k}", "", anchor="center-center", visible=False)
-            for k in range(count)
+            for k in range(min(_NODES, len(model.names)) + 1)
         ]
-        self._shown: dict[int, viser.LabelHandle] = {}
-        """By agent, or _PAIR: each keeps its node, and so its text, while it is shown."""
+        # viser draws new letters over some pictures, and in these shows old texts at new places.
+        pairs = range(len(model.swarm.safe_set.pairs))
+        letters = set("0123456789.:,-+=ehm").union(*map(model.label, pairs))
+        scene.add_label("/labels/letters", "".join(sorted(letters)), visible=False)
+        self._leader = lines(scene, "/leader", WORST_PAIR, 1.0)
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Show the texts that there is room for; sizes of the bodies [m], shape (N,)."""
         whose, texts, places = self._wanted(picture, selected, sizes, view)
         on_page = [view.project(each) / view.enlargement for each in places]
-        shown = place_texts(on_page, [len(text) for text in texts])
-        shown = shown[: len(self._free) + len(self._shown)]
-        for gone in self._shown.keys() - {whose[k] for k, _ in shown}:
-            self._free.append(self._shown.pop(gone))
-        for k, place in shown:
-            at = places[k][place]
-            node = self._shown.get(whose[k]) or self._free.pop()
-            self._shown[whose[k]] = node
+        shown = place_texts(on_page, [len(text) for text in texts])[: len(self._nodes)]
+        for node, (k, place) in zip(self._nodes, shown, strict=False):
             update(node, text=texts[k], visible=True)
-            if np.abs(at - node.position).max() > _STEADY * view.spans(at[None])[0]:
-                node.position = tuple(at)
-        for node in self._free:
+            node.position = tuple(places[k][place])
+        for node in self._nodes[len(shown) :]:
             node.visible = False
+        of_pair = whose.index(_PAIR)
+        chosen = dict(shown).get(of_pair)
+        self._leader.visible = chosen is not None
+        ends = np.mean(picture.worst_pair, axis=0), places[of_pair][chosen or 0]
+        self._leader.points = single(np.array([ends]))
 
     def _wanted(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
@@ -158,11 +165,11 @@ class LabelNodes:
         texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in whose]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
         letters = len(picture.worst_pair_text)
-        at_pair = text_position(*picture.worst_pair, letters, clear_of, view)
+        at_pair = text_places(*picture.worst_pair, letters, clear_of, view)
         around = [
-            at_pair[None] if i == _PAIR else self._around(picture, i, sizes[i], view) for i in whose
+            at_pair if i == _PAIR else self._around(picture, i, sizes[i], view) for i in whose
         ]
-        counts = [8 if i in first else 1 for i in whose]
+        counts = [8 if i in first else 2 for i in whose]
         return whose, texts, [at[:count] for at, count in zip(around, counts, strict=True)]
 
     def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
@@ -176,8 +183,8 @@ class LabelNodes:
         return found
 
 
-def text_position(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
-    """Middle of a text next to the line from a to b and `clear` off it [m], shape (3,)."""
+def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
+    """Middles of a text below and above the line from a to b, `clear` off it [m], shape (2, 3)."""
     right, up = view.axes[:2] @ (b - a)
     # Square to the line in the picture, and downwards rather than up.
     off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
@@ -185,12 +192,13 @@ def text_position(a: Array, b: Array, letters: int, clear: float, view: View) ->
     middle = (a + b) / 2.0
     span = float(view.spans(middle[None])[0])
     halves = view.enlargement * span * np.array([LETTER * letters, _LINE]) / 2.0
-    found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
-    # Next to a pair at the picture's edge it would be cut off.
-    at, edge = float(view.project(found[None])[0, 0]), max(1.0, view.aspect) / 2.0
+    away = (clear + np.abs(off) @ halves) * off @ view.axes[:2]
+    both: Array = middle + np.array([away, -away])
+    # Next to a pair at the picture's edge they would be cut off, or under the legend.
+    (x, y), edge = view.project(both).T, max(1.0, view.aspect) / 2.0
     inside = max(edge - halves[0] / span, 0.0)
-    found += span * (min(max(at, -inside), inside) - at) * view.axes[0]
-    return found
+    both += span * np.outer(np.clip(x, -inside, inside) - x, view.axes[0])
+    return both if y[0] > _LEGEND else both[::-1]
 
 
 def place_texts(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:

@@ -1,0 +1,107 @@
+"""The legend names everything that is drawn, of a plane or of space."""
+
+from html import unescape
+
+import numpy as np
+import pytest
+from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.scene.picture import Picture
+from phalanx_viewer.scene.scene import Scene
+from phalanx_viewer.scene.server import SceneServer
+from phalanx_viewer.scene.texts import legend
+from viser._messages import _CreateSceneNodeMessage
+
+from phalanx.scenario.load import load
+from phalanx.wire.messages import AgentStatus, Frame
+
+MARKS = {
+    "agents/bodies": "normal",
+    "agents/safety radius": "circles touch where h = 0",
+    "agents/rims": "circles touch where h = 0",
+    "agents/halos": "unsafe: h above 0",
+    "agents/liars": "sent a false broadcast",
+    "agents/goals": "goal",
+    "arrows/applied": "applied input",
+    "arrows/nominal": "nominal input",
+    "formation/corridor": "width of the formation",
+    "formation/path": "path of the formation's middle",
+    "ground/drops": "height over the ground",
+    "ground/shadows": "height over the ground",
+    "limits": "obstacle or limit",
+    "links": "late link",
+    "obstacles": "obstacle or limit",
+    "recent paths": "recent path",
+    "selected": "chosen agent",
+    "unsafe pairs": "unsafe: h above 0",
+    "worst pair": "worst pair",
+    "leader": "worst pair",
+}
+PLAIN = {"", "WorldAxes", "ground/grid", "labels", "lights"}
+"""Without a mark: light, grid, and texts."""
+
+
+def mark(node: str) -> str | None:
+    """The text of a node's mark; None if it needs none."""
+    known = MARKS | dict.fromkeys(PLAIN)
+    return known[node] if node in known else known[node.split("/")[0]]
+
+
+def start_of(model: SceneModel) -> Picture:
+    x = model.swarm.start()
+    pair = model.values.worst_pair(x)
+    frame = Frame(
+        t=0.0, x=x.tobytes(), h_tot=-1.0, h=-1.0, worst_h=-1.0, pair=pair, turned=(),
+        agents=(AgentStatus(),) * len(model.names), link_events=(), steps=0, real_time_factor=0.0,
+        assumptions=(), violations=(), log=(), paused=True, speed=0.0, loss=None, delay=None,
+    )  # fmt: skip
+    return Picture(model, frame)
+
+
+@pytest.fixture
+def server():
+    opened = SceneServer("127.0.0.1", 0, "legend")
+    yield opened
+    opened.stop()
+
+
+@pytest.mark.parametrize("name", ["unicycles", "formation3d", "fence", "surrounded", "warehouse"])
+def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> None:
+    model = scene_model(load(name))
+    Scene(server, model, lambda _: None)
+    sent = server._websock_server._broadcast_buffer.message_from_id.values()
+    nodes = {m.name.strip("/") for m in sent if isinstance(m, _CreateSceneNodeMessage)}
+    parents = {node.rpartition("/")[0] for node in nodes}
+    empty = {"ground/drops"} if model.flat else set()
+    drawn = {mark(node) for node in nodes - parents - empty} - {None}
+    assert "normal" in drawn
+    text = unescape(legend(model))
+    named = {mark for mark in MARKS.values() if mark in text}
+    assert drawn <= named
+    assert ("height over the ground" in named) is not model.flat
+
+
+def test_a_line_leads_from_the_worst_pair_to_its_text(server: SceneServer) -> None:
+    model = scene_model(load("unicycles"))
+    scene = Scene(server, model, lambda _: None)
+    picture = start_of(model)
+    scene.show(picture, None)
+    leader = server.scene.get_handle_by_name("/leader")
+    labels = [server.scene.get_handle_by_name(f"/labels/{k}") for k in range(6)]
+    (text,) = [label for label in labels if label.text == picture.worst_pair_text]
+    begin, end = leader.points[0]
+    np.testing.assert_allclose(begin, np.mean(picture.worst_pair, axis=0), atol=1e-5)
+    np.testing.assert_allclose(end, text.position, atol=1e-5)
+    assert leader.visible
+
+
+def test_every_letter_is_there_before_a_text_needs_it(server: SceneServer) -> None:
+    """viser draws new letters over some pictures, and in these shows old texts at new places."""
+    model = scene_model(load("unicycles"))
+    Scene(server, model, lambda _: None)
+    letters = set(server.scene.get_handle_by_name("/labels/letters").text)
+    x = model.swarm.start()
+    p = model.kinematics.poses(x).positions
+    for pair in range(len(model.swarm.safe_set.pairs)):
+        for scale in (1e-9, 1.0, 1e9):
+            text = f"{model.label(pair)}: {model.pair_text(pair, scale * x, p)}"
+            assert set(text) - {" "} <= letters, text
