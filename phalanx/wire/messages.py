@@ -197,7 +197,7 @@ class Frame(Message, frozen=True, kw_only=True):
     x: bytes
     """Stacked state, little-endian float64."""
     h_tot: float
-    """Largest h_tot since the frame before."""
+    """Largest h_tot since the state before."""
     h: float
     """Likewise the largest h of a pair with a normal agent."""
     worst_h: float

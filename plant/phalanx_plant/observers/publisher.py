@@ -15,7 +15,6 @@ from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached
-from phalanx_plant.world.extremes import LOWEST, larger
 from phalanx_plant.world.world import World
 
 _EVERY = 1.0 / 30.0
@@ -63,11 +62,10 @@ class Publisher:
         self._publish_status, self._audience = publish_status, audience
         # Not the clock's own, which is ahead of the judged events.
         self._faults = FaultState(names)
-        self._t, self._x = 0.0, world.x
+        self._t, self._x, self._peak = 0.0, world.x, judge.extremes.now
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
-        self._peak = LOWEST
         self._due = 0.0
         self._status_due = time.monotonic()
         self.begin()
@@ -99,7 +97,7 @@ class Publisher:
         match event:
             case StateReached():
                 self._x = event.x
-                self._peak = larger(self._peak, judged.peak)
+                self._peak = judged.peak
             case CommandApplied():
                 self._faults.apply(event.command)
             case InputApplied() if judged.made is not None:
@@ -147,17 +145,15 @@ class Publisher:
         if self._audience.heard:
             self._audience.put(self._frame(time.monotonic()))
         self._link_events.clear()
-        self._peak = LOWEST
 
     def _frame(self, now: float) -> Frame:
         extremes = self._judge.extremes
         lasting_first = sorted(extremes.violations(), key=lambda v: v.end is not None)
-        h_tot, h = larger(self._peak, extremes.now)
         return Frame(
             t=self._t,
             x=self._x.astype("<f8").tobytes(),
-            h_tot=h_tot,
-            h=h,
+            h_tot=self._peak[0],
+            h=self._peak[1],
             worst_h=extremes.worst_h,
             pair=extremes.largest,
             turned=tuple(sorted(self._faults.turned)),

@@ -153,6 +153,16 @@ def test_a_page_that_viser_writes_takes_nothing_but_its_colours():
     assert parameters == {"self", "dark_mode"}, "phalanx/compat/viser_player.js may go"
 
 
+def test_viser_handles_messages_while_it_draws():
+    client = Path(viser.__file__).with_name("client") / "src"
+    handler, app = (
+        (client / name).read_text("utf-8") for name in ("MessageHandler.tsx", "App.tsx")
+    )
+    at_once = "useFrame(\n    () => drainRef.current()" in handler
+    assert at_once, "phalanx/compat/viser_frames.js may go"
+    assert "w.__viserMutable = mutable.current" in app, "phalanx/compat/viser_frames.js needs it"
+
+
 def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls() -> None:
     messages = [(1 + k % 3, 100 - k % 7, b"x" * k) for k in range(200)]
     files, calls = (io.BytesIO(), io.BytesIO()), [0, 0]

@@ -66,6 +66,7 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
         again = replay.frame(frame.t)
         assert (frame.t, frame.agents) == (again.t, again.agents)
         assert (frame.x, frame.pair, frame.worst_h) == (again.x, again.pair, again.worst_h)
+        assert (frame.h_tot, frame.h) == (again.h_tot, again.h)
     assert sum(agent.backups for agent in audience.frames[-1].agents) > 0
 
 

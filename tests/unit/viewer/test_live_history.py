@@ -50,6 +50,13 @@ def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others()
     assert {v.pair: v.worst for v in past.violations.values()} == {"1-2": 0.7, "1-3": 0.1}
 
 
+def test_the_worst_moment_is_as_bad_as_the_worst_h_so_far_which_may_be_between_two_frames():
+    past = LiveHistory(MODEL)
+    for t, h, worst_h in ((1.0, -1.0, 0.5), (1.1, -0.9, 0.5), (1.2, -0.8, 0.7), (1.3, -0.7, 0.7)):
+        past.add(msgspec.structs.replace(frame(t), h=h, worst_h=worst_h))
+    assert past.totals[:, 2].tolist() == [-1.0, -0.9, 0.7, -0.7]
+
+
 def status(i: int) -> AgentStatus:
     """An agent's, each number of whose step differs."""
     u, u_nom = (i + 0.1, i + 0.2), (i + 0.3, i + 0.4)

@@ -84,6 +84,7 @@ class LiveHistory(History):
         n, m = len(model.names), model.kinematics.inputs[-1].stop
         self._model = model
         self._totals = _TimeSeries([1, 1, 1, -1, *(1 for _ in model.values.psi_levels)])
+        self._worst = np.inf
         self._path: deque[Array] = deque(maxlen=path_points(n))
         self._path_due = -np.inf
         self._scalars = series_width(0) - 1
@@ -117,14 +118,17 @@ class LiveHistory(History):
         positions = self._model.kinematics.poses(x).positions
         distance = smallest_distance(self._model.swarm, positions)
         psi = self._model.values.higher_psi(x)
-        self._totals.append([frame.t, frame.h_tot, frame.h, distance, *psi])
+        # Between two frames h may have been larger than at both.
+        h = frame.worst_h if frame.worst_h > self._worst else frame.h
+        self._worst = frame.worst_h
+        self._totals.append([frame.t, frame.h_tot, h, distance, *psi])
         if frame.t >= self._path_due:
             self._path_due = frame.t + SPACING
             self._path.append(positions)
         if frame.t >= self._pairs_due:
             self._pairs_due = frame.t + self._pairs_spacing
-            h = self._model.values.every_h(x, frame.turned)
-            self._pairs.append(np.append(frame.t, h))
+            every_h = self._model.values.every_h(x, frame.turned)
+            self._pairs.append(np.append(frame.t, every_h))
         if not self._model.crowded:
             self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)

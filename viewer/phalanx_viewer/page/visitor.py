@@ -16,8 +16,8 @@ from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, add_display
 from phalanx_viewer.scene.server import SceneServer
 
-_TEXT_PERIOD = 0.2
-"""Wall time between two updates of texts [s]: they are slower than the scene."""
+_PATH_PERIOD = 0.2
+"""Wall time between two updates of recent paths [s]: each sends all of their points."""
 _PLOT_PERIOD = 1.0
 """Least wall time between two updates of a live run's plots [s]: each sends all of them."""
 _PLOT_SHARE = 0.01
@@ -39,7 +39,7 @@ class Visitor:
         self.scene = Scene(client, feed.model, self.select)
         self._panels = Panels(client.gui, feed.model, self.select)
         add_display(client.gui, self.scene)
-        self._texts_due, self._pair = 0.0, 0
+        self._paths_due, self._pair = 0.0, 0
         self.follow(feed)
 
     def follow(self, feed: Feed) -> None:
@@ -51,7 +51,7 @@ class Visitor:
                 self._commands = None
         self._feed, self._plotted, self._plots_due = feed, (-1, -1, -1), 0.0
         self.stale = True
-        """True until texts show the last frame and choice."""
+        """True until the page shows the last frame and choice."""
 
     def admit(self, live: Live) -> None:
         """Let the visitor command a live run."""
@@ -74,26 +74,20 @@ class Visitor:
         return self.stale or self.scene.stale
 
     def show(self, frame: Frame, picture: Picture) -> None:
-        """Show a frame; its texts a few times a second."""
-        now = time.monotonic()
-        if texts_due := now >= self._texts_due:
+        """Send all that shows a frame in one message, so that the page shows one instant."""
+        if paths_due := (now := time.monotonic()) >= self._paths_due:
             # Before anything is shown: a selection made meanwhile shows at the next tick.
-            self.stale, self._texts_due = False, now + _TEXT_PERIOD
-        self.scene.show(picture, self.selected)
-        if texts_due or isinstance(self._feed, Replay):
+            self.stale, self._paths_due = False, now + _PATH_PERIOD
+        with self.client.atomic():
+            self.scene.show(picture, self.selected)
+            self._panels.show(frame, self.selected, self._feed)
             values = values_at(self._feed, frame, self.selected, self._pair)
             clock = {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}
             self._call("at", clock | {"values": values})
-        if texts_due:
-            self._show_texts(frame)
-
-    def _show_texts(self, frame: Frame) -> None:
-        """Send texts and recent paths, in one message."""
-        with self.client.atomic():
-            self._panels.show(frame, self.selected, self._feed)
-            self.scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
             if self._commands:
                 self._commands.show(frame)
+            if paths_due:
+                self.scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
 
     def _plot(self) -> None:
         now, rows = time.monotonic(), self._feed.history.totals

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange
+from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange, smallest_distance
 from phalanx.curves.series import (
     Series,
     envelope,
@@ -79,12 +79,10 @@ def content(
 def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, float | None]:
     """Values of the bold curves at a frame, by plot: the curves themselves are thinned."""
     model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
-    rows = feed.history.totals
-    found: dict[str, float | None] = {_WORST_PAIRS: model.values.h(pair, x)}
-    if len(rows):
-        row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
-        titles = [_H_TOT, _DISTANCE, *map(_PSI.format, model.values.psi_levels)]
-        found |= dict(zip(titles, np.delete(row, [0, 2]).tolist(), strict=True))
+    found: dict[str, float | None] = {_H_TOT: frame.h_tot, _WORST_PAIRS: model.values.h(pair, x)}
+    found[_DISTANCE] = smallest_distance(model.swarm, model.kinematics.poses(x).positions)
+    psi = map(_PSI.format, model.values.psi_levels)
+    found |= zip(psi, model.values.higher_psi(x).tolist(), strict=True)
     if status.step is None:
         return found
     horizon = model.swarm.horizon(chosen)

@@ -35,7 +35,7 @@ class Scene:
 
         to: the visitor; or a server without visitors, which writes the file.
         """
-        self._to, self._model, self._select = to, model, select
+        self._model, self._select = model, select
         self._static = StaticNodes(to.scene, model, LIGHT)
         self.agents = agents.AgentNodes(to.scene, model)
         self.arrows = agents.ArrowNodes(to.scene, LIGHT)
@@ -63,20 +63,18 @@ class Scene:
     def show(self, picture: Picture, selected: int | None) -> None:
         self.stale = False
         positions, model = picture.positions, self._model
-        # One message, so that no browser paints bodies of one instant and lines of another.
-        with self._to.atomic():
-            view = self.camera.show(positions, selected)
-            readable = _READABLE_OF_MANY if model.crowded else _READABLE
-            readable *= min(view.enlargement, 2.0)
-            # In thousandths of a body: sizes that differ by rounding alone would be sent again.
-            bodies = np.round(readable * view.spans(positions) / model.body, 3)
-            sizes = model.body * np.maximum(bodies, 1.0)
-            self.agents.show(picture, sizes)
-            self.arrows.show(picture, float(np.median(sizes)))
-            self.lines.show(picture, selected)
-            self.labels.show(picture, selected, sizes, view)
-            self.banner.show(banner(picture.unsafe_lines, picture.past_lines))
-            self.selection.show(positions, selected, sizes)
+        view = self.camera.show(positions, selected)
+        readable = _READABLE_OF_MANY if model.crowded else _READABLE
+        readable *= min(view.enlargement, 2.0)
+        # In thousandths of a body: sizes that differ by rounding alone would be sent again.
+        bodies = np.round(readable * view.spans(positions) / model.body, 3)
+        sizes = model.body * np.maximum(bodies, 1.0)
+        self.agents.show(picture, sizes)
+        self.arrows.show(picture, float(np.median(sizes)))
+        self.lines.show(picture, selected)
+        self.labels.show(picture, selected, sizes, view)
+        self.banner.show(banner(picture.unsafe_lines, picture.past_lines))
+        self.selection.show(positions, selected, sizes)
         self._positions = positions
 
     def set_dark(self, dark: bool) -> None:

@@ -6,6 +6,7 @@ import io
 import socket
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
+from importlib.resources import files
 from typing import Any, TypeVar
 
 import viser
@@ -43,6 +44,7 @@ class SceneServer(viser.ViserServer):
         self._complete: Future[None] = Future()
         with serving(self._let_in, origins), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, label=title, verbose=False)
+        self.run_script("frames", files("phalanx.compat").joinpath("viser_frames.js").read_text())
 
     def admit(self) -> None:
         """Admit visitors: the page is complete."""
