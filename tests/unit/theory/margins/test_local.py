@@ -122,6 +122,8 @@ def test_there_is_no_margin_where_a_kink_of_h_is_within_reach():
     low, high = np.full(4, -1.0), np.full(4, 1.0)
     found = constants(chain, Region(low, high, np.zeros((1, 4))), [0.0, 0.0])
     assert found["c_g"].how == "sampled"
+    with pytest.raises(ValueError, match="is not a number"):
+        constants(chain, Region(low, high, np.full((1, 4), np.nan)), [0.0, 0.0])
 
 
 class Zone:

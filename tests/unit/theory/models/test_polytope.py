@@ -203,6 +203,7 @@ def test_a_polytope_of_numbers_is_found_once_and_nobody_can_write_to_it():
     faces = ca.SX([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     found = constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
     assert found is constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
+    assert found is constant_polytope(np.array(ca.DM(faces)), np.array([2.0, 2.0, 3.0, 3.0]))
     assert found.corners.max() == 3.0
     for array in (found.A, found.b, found.corners, minimiser(np.ones(2), found.corners)):
         with pytest.raises(ValueError, match="read-only"):
