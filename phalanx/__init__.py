@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from phalanx.launcher.start import run
     from phalanx.launcher.stepped import SteppedRun, start
     from phalanx.launcher.verify import Verification
+    from phalanx.messages.kinds import Status
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError, load, shipped
     from phalanx.scenario.model import Scenario
     from phalanx.studies.study import Study, open_study, study
-    from phalanx.wire.messages import Status
 
 __version__ = "0.3.0"
 
@@ -47,7 +47,7 @@ _HOMES = {
     "Run": "phalanx.launcher.run",
     "Scenario": "phalanx.scenario.model",
     "ScenarioError": "phalanx.scenario.load",
-    "Status": "phalanx.wire.messages",
+    "Status": "phalanx.messages.kinds",
     "SteppedRun": "phalanx.launcher.stepped",
     "Study": "phalanx.studies.study",
     "Summary": "phalanx.guarantee.verdict",

@@ -5,11 +5,11 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 
+from phalanx.messages.keys import kind_and_name
+from phalanx.messages.kinds import Broadcast, Sample
+from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.profile import Stopwatch
 from phalanx.swarm.watchdog import Watchdog
-from phalanx.wire.keys import kind_and_name
-from phalanx.wire.messages import Broadcast, Sample
-from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx_agent.step import Accepted, Answer, ControlStep
 
 log = logging.getLogger("phalanx.agent")

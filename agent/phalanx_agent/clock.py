@@ -4,9 +4,9 @@ import math
 import time
 from collections.abc import Mapping
 
+from phalanx.messages.kinds import Sample
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.wire.messages import Sample
 
 Received = tuple[tuple[int, float, tuple[float, ...]], ...]
 """(Agent's index, t_apply [s], u) of every û_l, as in telemetry."""

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
 from phalanx.guarantee.proven_filter import ProvenFilter
+from phalanx.messages.step_report import StepReport
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.attacks import WorstCase
@@ -18,7 +19,6 @@ from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput
-from phalanx.wire.step_report import StepReport
 
 
 class StepResult(Struct, frozen=True):

@@ -11,18 +11,18 @@ from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
+from phalanx.messages.keys import PLANT, Keys
+from phalanx.messages.kinds import LONGEST_FAILURE, StepFailedError, Telemetry
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Sealer
+from phalanx.messages.step_report import StepReport
 from phalanx.profile import Stopwatch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.liveliness import PlantPresence
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import LONGEST_FAILURE, StepFailedError, Telemetry
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
-from phalanx.wire.step_report import StepReport
 from phalanx_agent.answering import SampleAnswering, pending_watchdog
 from phalanx_agent.clock import clock_of
 from phalanx_agent.step import Answer, ControlStep, control_steps

@@ -9,6 +9,17 @@ from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
+from phalanx.messages.kinds import (
+    LONGEST_FAILURE,
+    MAX_BYTES,
+    Actuation,
+    Broadcast,
+    Sample,
+    StepFailedError,
+    Telemetry,
+)
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
@@ -20,17 +31,6 @@ from phalanx.swarm.watch import Watch
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import (
-    LONGEST_FAILURE,
-    MAX_BYTES,
-    Actuation,
-    Broadcast,
-    Sample,
-    StepFailedError,
-    Telemetry,
-)
-from phalanx.wire.seal import Malformed
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
     AgentController,

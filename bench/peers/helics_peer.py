@@ -34,13 +34,13 @@ from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents, RecordsInMemory
+from phalanx.messages.keys import PLANT
+from phalanx.messages.kinds import Actuation, Sample, Telemetry
+from phalanx.messages.membership import Membership
 from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Sample, Telemetry
 
 sys.path.append(str(Path(__file__).parents[1] / "speed"))
 from scale import apart

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from queue import SimpleQueue
 from typing import NamedTuple
 
+from phalanx.messages.keys import PLANT, Keys, kind_and_name
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.keys import PLANT, Keys, kind_and_name
 from phalanx.wire.session import Session, open_hub, open_member
 
 KEYS = Keys("bench")

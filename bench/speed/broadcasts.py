@@ -20,9 +20,9 @@ from multiprocessing.queues import SimpleQueue as Answers
 import bare
 from bare import KEYS
 
+from phalanx.messages.kinds import Actuation, Broadcast
+from phalanx.messages.seal import Sealer
 from phalanx.wire import pubsub
-from phalanx.wire.messages import Actuation, Broadcast
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, free_endpoint
 
 SEALER = Sealer(b"bench")

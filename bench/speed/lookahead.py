@@ -27,10 +27,10 @@ from phalanx_plant.world.world import World
 
 import phalanx
 from phalanx.faults.commands import NO_COMMANDS
+from phalanx.messages.keys import PLANT
+from phalanx.messages.membership import Membership
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
 from phalanx.wire.session import free_endpoint
 
 # Rows that are built quickly: the exchange is to be measured, with some computation in it.

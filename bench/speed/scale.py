@@ -34,12 +34,12 @@ from rich.progress import Progress
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
+from phalanx.messages.kinds import Status
 from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.runnable import compile_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
-from phalanx.wire.messages import Status
 from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")

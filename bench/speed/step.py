@@ -30,12 +30,12 @@ from bare import KEYS
 from phalanx_agent.step import ControlStep
 
 import phalanx
+from phalanx.messages.kinds import Message, Sample, Status
+from phalanx.messages.seal import Sealer
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
-from phalanx.wire.messages import Message, Sample, Status
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint
 
 

@@ -18,7 +18,7 @@ import psutil
 from scale import megabytes, sized
 
 import phalanx
-from phalanx.wire.messages import Status
+from phalanx.messages.kinds import Status
 
 
 class Measured(NamedTuple):

@@ -16,12 +16,12 @@ from lookahead import SIMPLE, plant
 from phalanx_agent import main as agent
 
 import phalanx
+from phalanx.messages.keys import PLANT, kind_and_name
+from phalanx.messages.kinds import Sample
+from phalanx.messages.membership import Membership
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
-from phalanx.wire.keys import PLANT, kind_and_name
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Sample
 from phalanx.wire.session import Session, free_endpoint
 
 

@@ -28,12 +28,12 @@ from phalanx_viewer.scene.model import scene_model
 from phalanx_viewer.scene.server import choose_port
 
 from phalanx.guarantee.verdict import Summary, Violation
+from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.step_report import AppliedStep
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import AgentStatus, Frame
-from phalanx.wire.step_report import AppliedStep
 
 SIZES = (10, 300)
 RATE = 30.0

@@ -23,13 +23,13 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.hosts.authority import Authority, make_identities, private_pem, write_identity
+from phalanx.messages.credentials import AUTHORITY, Admission, tls
+from phalanx.messages.keys import OPERATOR, PLANT, VIEWER, Keys
+from phalanx.messages.kinds import CommandMessage
+from phalanx.messages.seal import Sealer
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
 from phalanx.wire import liveliness
-from phalanx.wire.credentials import AUTHORITY, Admission, tls
-from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
-from phalanx.wire.messages import CommandMessage
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint, open_hub
 from tests.hostile.attacker import (
     INSIDER,

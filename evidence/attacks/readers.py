@@ -11,8 +11,8 @@ from pathlib import Path
 import phalanx
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.membership import Membership
 from phalanx.scenario.model import Scenario
-from phalanx.wire.membership import Membership
 from phalanx.wire.session import free_endpoint
 from phalanx.wire.tap import tapped
 from tests.hostile.attacker import UNDER_WAY

@@ -28,15 +28,15 @@ from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.kinds import Telemetry
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.rows.information import Information
-from phalanx.wire.messages import Telemetry
 
 MODELS: dict[int, list[str]] = {
     1: ["single-integrator", "unicycle"],

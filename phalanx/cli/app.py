@@ -136,10 +136,10 @@ def _status_of(error: Exception) -> int | None:
     """Return the exit status for an error that a user can cause; None for any other."""
     # Imported here, because it takes long and most commands do not need it.
     from phalanx.launcher.engine import EngineError
+    from phalanx.messages.kinds import StepFailedError
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError
     from phalanx.theory.models.world import WorldError
-    from phalanx.wire.messages import StepFailedError
     from phalanx.wire.session import HubError
 
     if isinstance(error, ScenarioError):

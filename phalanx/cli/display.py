@@ -13,9 +13,9 @@ from rich.text import Text
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.launcher.run import Run
 from phalanx.launcher.streams import echo_error, printable
+from phalanx.messages.kinds import Status
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import origin_label
-from phalanx.wire.messages import Status
 
 COLOUR = {
     Outcome.GUARANTEED: "green",

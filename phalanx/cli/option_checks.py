@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from phalanx.wire.credentials import (
+from phalanx.messages.credentials import (
     AUTHORITY,
     CERTIFICATE,
     COMMAND_SECRET,
@@ -19,7 +19,7 @@ from phalanx.wire.credentials import (
 )
 
 if TYPE_CHECKING:
-    from phalanx.wire.membership import Membership
+    from phalanx.messages.membership import Membership
 
 LARGEST_SEED = 2**63 - 1
 _LONGEST_WAIT = 1e6

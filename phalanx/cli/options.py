@@ -15,7 +15,7 @@ from phalanx.cli.option_checks import (
     secret_from,
 )
 from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
-from phalanx.wire.credentials import COMMAND_SECRET, SECRET
+from phalanx.messages.credentials import COMMAND_SECRET, SECRET
 
 _REAL_TIME = "--real-time"
 

@@ -33,8 +33,8 @@ from phalanx.cli.options import (
 from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
+    from phalanx.messages.membership import Membership
     from phalanx.scenario.model import Scenario
-    from phalanx.wire.membership import Membership
 
 Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 
@@ -75,10 +75,10 @@ def plant(
       phalanx plant --scenario unicycles --run r1 --keys keys/plant --listen tls/0.0.0.0:7447
     """
     from phalanx.faults.commands import CommandPolicy
+    from phalanx.messages.keys import PLANT
+    from phalanx.messages.membership import Membership
     from phalanx.recording.records import RECORDING
     from phalanx.scenario.load import load
-    from phalanx.wire.keys import PLANT
-    from phalanx.wire.membership import Membership
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed or 0.0)
     endpoint = connect or listen
@@ -119,8 +119,8 @@ def agent(
 
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/127.0.0.1:7447
     """
+    from phalanx.messages.membership import Membership
     from phalanx.scenario.load import load
-    from phalanx.wire.membership import Membership
 
     resolved = load(scenario, overrides or (), seed)
     names = resolved.programs()
@@ -166,7 +166,7 @@ def tap(
       phalanx tap runs/unicycles-1
       phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
     """
-    from phalanx.wire.membership import Membership
+    from phalanx.messages.membership import Membership
     from phalanx.wire.tap import tapped
 
     if connect:

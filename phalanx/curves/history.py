@@ -10,6 +10,7 @@ from scipy.spatial.distance import cdist
 from phalanx.arrays import Array
 from phalanx.curves.values import SafetyValues
 from phalanx.faults.commands import Condition, FaultState
+from phalanx.messages.step_report import QUANTITIES, numbers_of
 from phalanx.recording.broadcasts import FATES, LATE, LOST, Broadcast, broadcasts
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
@@ -17,7 +18,6 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
-from phalanx.wire.step_report import QUANTITIES, numbers_of
 
 EMPTY_CODES: dict[str, float] = {Origin.BACKUP: 1.0, Origin.NO_AUTHORITY: 2.0}
 """Codes of steps with empty K_i in AgentSeries.empty, by how their input was made."""

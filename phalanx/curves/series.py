@@ -7,12 +7,12 @@ import numpy as np
 
 from phalanx.arrays import Array, Index
 from phalanx.curves.history import EMPTY_CODES, AgentSeries, History
+from phalanx.messages.step_report import OF_ROW, QUANTITIES, Quantity
 from phalanx.recording.broadcasts import window
 from phalanx.swarm.swarm import Swarm, unit_of_psi
 from phalanx.theory.models.dynamics import units
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.composition import FAR
-from phalanx.wire.step_report import OF_ROW, QUANTITIES, Quantity
 
 QUANTILES = (0.0, 0.1, 0.5, 0.9, 1.0)
 _MOST_POINTS = 1600

@@ -12,8 +12,8 @@ from typing import Self
 
 import typer
 
-from phalanx.wire.credentials import AUTHORITY, CERTIFICATE, PRIVATE_KEY
-from phalanx.wire.keys import HUBS
+from phalanx.messages.credentials import AUTHORITY, CERTIFICATE, PRIVATE_KEY
+from phalanx.messages.keys import HUBS
 
 try:
     from cryptography import x509

@@ -74,9 +74,9 @@ def keys(
       phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
     """
     from phalanx.hosts.authority import make_identities
+    from phalanx.messages.credentials import ENDPOINT
+    from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER
     from phalanx.scenario.load import load
-    from phalanx.wire.credentials import ENDPOINT
-    from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER
 
     programs = load(scenario, overrides or (), trust=trust).programs()
     names = [PLANT, ROUTER, VIEWER, OPERATOR, *programs]
@@ -122,11 +122,11 @@ def router(
     """
     from phalanx.identities import admission
     from phalanx.launcher.programs import configure_logging
+    from phalanx.messages.keys import ROUTER
+    from phalanx.messages.membership import Membership
     from phalanx.scenario.load import load
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire import liveliness
-    from phalanx.wire.keys import ROUTER
-    from phalanx.wire.membership import Membership
     from phalanx.wire.session import open_hub
 
     for endpoint in (listen, *(connect or ())):

@@ -9,10 +9,10 @@ from collections.abc import Container, Iterator, Mapping
 from itertools import chain
 from typing import Any, Literal
 
+from phalanx.messages.credentials import Admission
+from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.messages.membership import Membership
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire.credentials import Admission
-from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
-from phalanx.wire.membership import Membership
 
 Subject = Literal["usernames", "cert_common_names"]
 """Zenoh's name of a session: that with its password, or that in its TLS identity."""

@@ -15,8 +15,8 @@ from phalanx.launcher.streams import open_closed_streams
 
 if TYPE_CHECKING:
     from phalanx.guarantee.verdict import Summary
+    from phalanx.messages.kinds import Status
     from phalanx.scenario.model import Scenario
-    from phalanx.wire.messages import Status
 
 Progress = Callable[["Status"], None]
 """Called a few times a second while a run goes on, perhaps in another thread."""

@@ -24,11 +24,11 @@ from phalanx.launcher.programs import (
     show_as,
     start_program,
 )
+from phalanx.messages.membership import Membership
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.membership import Membership
 
 LOG = "programs.log"
 """The file of the fork server's own output, in the folder of the logs."""

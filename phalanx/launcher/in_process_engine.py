@@ -21,6 +21,8 @@ from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions, silent
+from phalanx.messages.kinds import Sample, Status, StepFailedError, Telemetry
+from phalanx.messages.seal import Malformed
 from phalanx.profile import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_summary
@@ -28,8 +30,6 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Sample, Status, StepFailedError, Telemetry
-from phalanx.wire.seal import Malformed
 
 T = TypeVar("T")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 
 from phalanx.launcher.engine import EngineError
-from phalanx.wire.keys import VIEWER
-from phalanx.wire.membership import Membership
+from phalanx.messages.keys import VIEWER
+from phalanx.messages.membership import Membership
 
 LIVE = "live.json"
 

@@ -17,14 +17,14 @@ from phalanx.launcher.engine import EngineError, Progress, RunOptions
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
+from phalanx.messages.keys import PLANT
+from phalanx.messages.kinds import SAYS, Status
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import of_session
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import SAYS, Status
 from phalanx.wire.pubsub import subscribe
-from phalanx.wire.seal import Malformed
 from phalanx.wire.session import HubError, open_client, reserved_endpoint
 
 

@@ -17,11 +17,11 @@ from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Report, StartRequest, serve
 from phalanx.launcher.libraries import require_handles, start_loading
 from phalanx.launcher.programs import Program
+from phalanx.messages.credentials import COMMAND_SECRET, SECRET
+from phalanx.messages.keys import PLANT
+from phalanx.messages.membership import Membership
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
-from phalanx.wire.credentials import COMMAND_SECRET, SECRET
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
 
 _LONGEST_SUSPENSION = 2.0
 """Longest suspension of a program [s]: the hub closes a connection that is silent for 10 s, and a

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from phalanx.launcher.streams import PrintableFormatter
+from phalanx.messages.keys import PLANT
+from phalanx.messages.membership import Membership
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
 
 log = logging.getLogger("phalanx.launcher")
 

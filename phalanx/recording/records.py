@@ -6,7 +6,7 @@ from typing import Annotated
 import msgspec
 
 from phalanx.faults.commands import Command
-from phalanx.wire.step_report import AppliedStep
+from phalanx.messages.step_report import AppliedStep
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"

@@ -10,11 +10,11 @@ import polars as pl
 
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary
+from phalanx.messages.step_report import QUANTITIES
 from phalanx.profile import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import added
-from phalanx.wire.step_report import QUANTITIES
 
 
 def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:

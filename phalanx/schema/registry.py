@@ -4,81 +4,22 @@ import copy
 import dataclasses
 import functools
 import inspect
+import pkgutil
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
 import pydantic
 
-from phalanx.baselines import barrier, plain
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
-from phalanx.theory.laws import attacks, goals, tracking
-from phalanx.theory.laws.law import Controller, Law
-from phalanx.theory.margins import margin
-from phalanx.theory.models import aerial, integrators, wheeled
+from phalanx.theory.margins.margin import Margin
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.world import World
-from phalanx.theory.safety import class_k, function
-from phalanx.worlds import crazyflies, mujoco, ros2
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.function import Limit, SafeSetFunction
 
-BUILT_IN: Mapping[type, Mapping[str, type]] = {
-    Dynamics: {
-        "unicycle": wheeled.Unicycle,
-        "dynamic-unicycle": wheeled.DynamicUnicycle,
-        "single-integrator": integrators.SingleIntegrator,
-        "double-integrator": integrators.DoubleIntegrator,
-        "triple-integrator": integrators.TripleIntegrator,
-        "differential-drive": wheeled.DifferentialDrive,
-        "bicycle": wheeled.KinematicBicycle,
-        "planar-quadrotor": aerial.PlanarQuadrotor,
-        "quadrotor": aerial.Quadrotor,
-        "identified-quadrotor": aerial.IdentifiedQuadrotor,
-    },
-    class_k.ClassK: {"linear": class_k.Linear, "power": class_k.Power},
-    function.SafeSetFunction: {
-        "separation": function.Separation,
-        "distance": function.Distance,
-        "heading-aware": function.HeadingAware,
-    },
-    function.Limit: {"fence": function.Fence, "band": function.Band},
-    margin.Margin: {
-        "paper": margin.PaperMargin,
-        "corrected": margin.CorrectedMargin,
-        "local": margin.LocalMargin,
-        "integrated": margin.IntegratedMargin,
-    },
-    goals.Reference: {
-        "point": goals.FixedPoint,
-        "waypoints": goals.Waypoints,
-        "path": goals.PathAtSpeed,
-        "follow": goals.Follow,
-    },
-    Law: {
-        "track-velocity": tracking.TrackVelocity,
-        "track": tracking.Track,
-        "pursue": tracking.Pursue,
-        "chase": attacks.Chase,
-        "worst": attacks.WorstCase,
-        "worst-lookahead": attacks.WorstLookahead,
-        "script": attacks.Script,
-    },
-    Controller: {
-        "none": plain.Nominal,
-        "cbf-qp": barrier.BarrierQP,
-        "clf-cbf": barrier.LyapunovBarrierQP,
-        "escape": plain.Escape,
-    },
-    World: {"crazyflies": crazyflies.Crazyflies, "mujoco": mujoco.Mujoco, "ros2": ros2.Ros2},
-}
-
-_EXPRESSIONS = {
-    Dynamics,
-    class_k.ClassK,
-    function.SafeSetFunction,
-    function.Limit,
-    margin.Margin,
-}
+_EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}
 """Kinds whose methods return expressions, which must not depend on earlier calls."""
 
 
@@ -91,9 +32,8 @@ def lookup(kind: type, name: str) -> type:
     Raises ValueError of an unknown name, a failed import, or a class that is not of the kind;
     UntrustedCodeError of a class that may not be imported.
     """
-    known = BUILT_IN.get(kind, {})
-    if name in known:
-        return known[name]
+    if home := BUILT_IN.get(kind, {}).get(name):
+        return pkgutil.resolve_name(home)  # type: ignore[no-any-return]
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
     found: type = import_named(name)
@@ -178,9 +118,9 @@ def as_table(value: Any) -> Any:
             "function, so no other program and no recording can name it"
         )
     given = {f.name: getattr(value, f.name) for f in dataclasses.fields(cls) if f.init}
-    short = {found: name for known in BUILT_IN.values() for name, found in known.items()}
-    name = short.get(cls, f"{cls.__module__}:{cls.__qualname__}")
-    return {"type": name, **{k: _plain(cls, k, v) for k, v in given.items()}}
+    home = f"{cls.__module__}:{cls.__qualname__}"
+    short = {home: name for known in BUILT_IN.values() for name, home in known.items()}
+    return {"type": short.get(home, home), **{k: _plain(cls, k, v) for k, v in given.items()}}
 
 
 def _plain(cls: type, field: str, value: Any) -> Any:

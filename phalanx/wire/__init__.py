@@ -1,1 +1,1 @@
-"""Keys, messages, seal and sessions: the only package that imports zenoh."""
+"""Zenoh sessions, publishers and liveliness: the only package that imports zenoh."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from phalanx.wire.keys import PLANT, ROUTER, Keys
+from phalanx.messages.keys import PLANT, ROUTER, Keys
 
 _RECONNECT_TIME = 3.0
 """Time for a plant that is its own hub to come back before the first sample [s]: Zenoh closes a

@@ -9,9 +9,9 @@ from functools import cache
 import zenoh
 
 from phalanx.compat.zenoh_sessions import keep_thread_state
-from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Message
-from phalanx.wire.seal import Sealer
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import Message
+from phalanx.messages.seal import Sealer
 from phalanx.wire.session import HubError
 
 _POLL = 0.2

@@ -12,10 +12,10 @@ import msgspec
 import zenoh
 
 from phalanx.compat.zenoh_sessions import disable_linger
-from phalanx.wire.credentials import Admission, Credentials, tls
-from phalanx.wire.keys import COPIES, NOT_URGENT
+from phalanx.messages.credentials import Admission, Credentials, tls
+from phalanx.messages.keys import COPIES, NOT_URGENT
+from phalanx.messages.kinds import MAX_BYTES
 from phalanx.wire.liveliness import is_announced
-from phalanx.wire.messages import MAX_BYTES
 
 # A client with three threads in place of seven has a third less latency. The hub cannot have
 # this: forwarding would deadlock on its own back-pressure.

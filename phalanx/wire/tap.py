@@ -6,11 +6,11 @@ from typing import Any
 
 import msgpack
 
-from phalanx.wire.keys import PLANT
+from phalanx.messages.keys import PLANT
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import SEAL_BYTES
 from phalanx.wire.liveliness import is_announced, watch
-from phalanx.wire.membership import Membership
 from phalanx.wire.pubsub import subscribe
-from phalanx.wire.seal import SEAL_BYTES
 from phalanx.wire.session import HubError, open_client
 
 

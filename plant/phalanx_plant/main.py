@@ -16,14 +16,14 @@ import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary, exit_status
+from phalanx.messages.keys import PLANT
+from phalanx.messages.kinds import Ended, Status
+from phalanx.messages.membership import Membership
 from phalanx.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.world import WorldError
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Ended, Status
 from phalanx.wire.session import HubError
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep

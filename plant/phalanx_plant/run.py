@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
+from phalanx.messages.kinds import Status, Telemetry
 from phalanx.profile import Stopwatch
 from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
-from phalanx.wire.messages import Status, Telemetry
 from phalanx_plant.clock.commands import CommandQueue, declared
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judge

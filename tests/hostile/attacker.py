@@ -22,12 +22,20 @@ from typing import Any
 import zenoh
 
 from phalanx.faults.commands import ActiveCommands
+from phalanx.messages.kinds import (
+    MAX_BYTES,
+    Actuation,
+    Broadcast,
+    Ended,
+    Message,
+    Sample,
+    Telemetry,
+)
+from phalanx.messages.membership import Membership
+from phalanx.messages.step_report import StepReport
 from phalanx.scenario.load import digest, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import MAX_BYTES, Actuation, Broadcast, Ended, Message, Sample, Telemetry
-from phalanx.wire.step_report import StepReport
 
 SCENARIO, OVERRIDES = "unicycles", ("duration=0.5",)
 VICTIM, PEER, INSIDER = "1", "2", "3"

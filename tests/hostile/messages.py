@@ -21,13 +21,8 @@ from phalanx_viewer.scene.model import scene_model
 
 from phalanx.faults.commands import ActiveCommands, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
-from phalanx.network.inbox import Claim, Fate
-from phalanx.scenario.load import load
-from phalanx.swarm.rows import build_rows
-from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.rows.origin import Origin
-from phalanx.wire.keys import Keys
-from phalanx.wire.messages import (
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import (
     Actuation,
     AgentStatus,
     Broadcast,
@@ -41,8 +36,13 @@ from phalanx.wire.messages import (
     Status,
     Telemetry,
 )
-from phalanx.wire.seal import Malformed, Sealer
-from phalanx.wire.step_report import AppliedStep, StepReport
+from phalanx.messages.seal import Malformed, Sealer
+from phalanx.messages.step_report import AppliedStep, StepReport
+from phalanx.network.inbox import Claim, Fate
+from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import Origin
 from tests.hostile.mutation import of_bytes, of_tree
 
 KEYS = Keys("run")

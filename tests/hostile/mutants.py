@@ -20,7 +20,7 @@ class Mutant(NamedTuple):
 
 
 _PLANT, _STEP = "plant/phalanx_plant", "agent/phalanx_agent/step.py"
-_ANSWERS, _SEAL = f"{_PLANT}/hub/answers.py", "phalanx/wire/seal.py"
+_ANSWERS, _SEAL = f"{_PLANT}/hub/answers.py", "phalanx/messages/seal.py"
 _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
 _TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
@@ -97,7 +97,7 @@ MUTANTS = (
     Mutant("numbers that are none", _SEAL, "not abs(n) <= message.largest",
            "abs(n) > message.largest", _TEST_SEAL),
     Mutant("another version", _SEAL, "message.version != VERSION", "False", _TEST_SEAL),
-    Mutant("wildcards in a key", "phalanx/wire/keys.py", ' or "*" in key', "",
+    Mutant("wildcards in a key", "phalanx/messages/keys.py", ' or "*" in key', "",
            "tests/unit/wire"),
     Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
            "if unfit := None and",  _TEST_RECORDING),
@@ -131,7 +131,7 @@ MUTANTS = (
     Mutant("an agent's identity for a hub", "phalanx/hosts/authority.py",
            "hub_hosts if name in HUBS else ()", "hub_hosts",
            "tests/process/hostile/test_identities.py -k play_the_hub"),
-    Mutant("a hub of any name", "phalanx/wire/credentials.py", '"verify_name_on_connect": True',
+    Mutant("a hub of any name", "phalanx/messages/credentials.py", '"verify_name_on_connect": True',
            '"verify_name_on_connect": False',
            "tests/process/hostile/test_identities.py -k another_name"),
     Mutant("near pairs for three times the slack", _PAIRS, "<= self._room * self._room",

@@ -16,9 +16,9 @@ from phalanx_viewer.feeds.live import Live
 from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.kinds import Status
+from phalanx.messages.membership import Membership
 from phalanx.scenario.model import Scenario
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Status
 from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")

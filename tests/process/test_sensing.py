@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import phalanx
+from phalanx.messages.membership import Membership
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.membership import Membership
 from phalanx.wire.tap import tapped
 from tests.process.runs import PACED, SECRET, live_run
 

@@ -15,8 +15,8 @@ import pytest
 from phalanx.guarantee.verdict import Summary
 from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.keys import PLANT, ROUTER
 from phalanx.scenario.load import load
-from phalanx.wire.keys import PLANT, ROUTER
 from tests.network import testbed
 from tests.network.testbed import HERE, THERE, Wire, opened, unavailable
 from tests.process.runs import wait_for

@@ -11,7 +11,7 @@ from phalanx.cli import options
 from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
-    from phalanx.wire.membership import Membership
+    from phalanx.messages.membership import Membership
 
 _FILE, _FOLDER = checks.require_file, checks.require_folder
 
@@ -49,8 +49,8 @@ def live_membership(
 
     identity: of the program, if its run has keys. Raises BadParameter unless either is given.
     """
-    from phalanx.wire.keys import VIEWER
-    from phalanx.wire.membership import Membership
+    from phalanx.messages.keys import VIEWER
+    from phalanx.messages.membership import Membership
 
     if (recording is None) != bool(run):
         raise typer.BadParameter("expected either RUN or --run")
@@ -92,7 +92,7 @@ def view(
       phalanx view --connect tcp/127.0.0.1:7447 --run r1
     """
     from phalanx.launcher.programs import configure_logging
-    from phalanx.wire.keys import OPERATOR, VIEWER
+    from phalanx.messages.keys import OPERATOR, VIEWER
 
     identity = OPERATOR if command_secret else VIEWER
     membership = live_membership(recording, run, connect, secret, keys, insecure, timeout, identity)

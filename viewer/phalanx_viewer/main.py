@@ -5,7 +5,7 @@ import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 from phalanx_viewer.feeds.feed import keep_up, stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, ProcessChange
 from phalanx.guarantee.verdict import Punctuality, percentiles
-from phalanx.wire.messages import Sample
+from phalanx.messages.kinds import Sample
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling

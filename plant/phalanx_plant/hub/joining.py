@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable
 
+from phalanx.messages.keys import kind_and_name
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire.keys import kind_and_name
 
 
 class Joining:

@@ -5,14 +5,14 @@ import threading
 from collections.abc import Iterable
 
 from phalanx.identities import admission
+from phalanx.messages.keys import PLANT, ROUTER
+from phalanx.messages.kinds import MAX_BYTES, Setup
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed, Refusals
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.keys import PLANT, ROUTER
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import MAX_BYTES, Setup
 from phalanx.wire.pubsub import Delivery, SealedPublisher, ViewerCopies
-from phalanx.wire.seal import Malformed, Refusals
 from phalanx.wire.session import Session, open_hub, open_member
 
 _MOST = 256

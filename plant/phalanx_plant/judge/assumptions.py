@@ -10,12 +10,12 @@ from phalanx.arrays import Array
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.check_report import proof_gaps
 from phalanx.guarantee.verdict import Assumption
+from phalanx.messages.kinds import Telemetry
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
-from phalanx.wire.messages import Telemetry
 from phalanx_plant.judge.claims import Claims
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached

@@ -14,6 +14,8 @@ from msgspec.structs import asdict
 from phalanx.arrays import Array, Index
 from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.guarantee.verdict import Convicted, TrustSummary
+from phalanx.messages.kinds import Telemetry
+from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
@@ -21,8 +23,6 @@ from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import Origin, origins_of_normal
-from phalanx.wire.messages import Telemetry
-from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.assumptions import Assumptions
 from phalanx_plant.judge.claims import Claims, Finding
 from phalanx_plant.judge.coverage import Coverage

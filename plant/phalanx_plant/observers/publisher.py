@@ -8,10 +8,10 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from phalanx.faults.commands import FaultState
+from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent, LogLine, Status, worse
+from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import Fate
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, Status, worse
-from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from msgspec.structs import asdict
 
+from phalanx.messages.kinds import Sample, Telemetry
+from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import Fate
 from phalanx.recording.records import State, Step, StepData
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire.messages import Sample, Telemetry
-from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached

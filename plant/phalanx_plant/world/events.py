@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
-from phalanx.wire.messages import Sample
+from phalanx.messages.kinds import Sample
 from phalanx_plant.world.world import History
 
 

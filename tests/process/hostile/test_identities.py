@@ -20,12 +20,12 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.credentials import PRIVATE_KEY
+from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.messages.kinds import CommandMessage
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Sealer
 from phalanx.scenario.load import load
-from phalanx.wire.credentials import PRIVATE_KEY
-from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import CommandMessage
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub
 from tests.layers import layered
 from tests.process.leaks import files_of, leaks

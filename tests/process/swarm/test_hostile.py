@@ -19,18 +19,18 @@ from phalanx_plant.world.events import SwarmBrokenError
 
 from phalanx import run
 from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.messages.keys import ROUTER, Keys
+from phalanx.messages.kinds import MAX_BYTES, Actuation, Sample, Telemetry
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Sealer
+from phalanx.messages.step_report import StepReport
 from phalanx.network.inbox import Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.keys import ROUTER, Keys
 from phalanx.wire.liveliness import announce
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
 from phalanx.wire.pubsub import subscribe
-from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint, open_client
-from phalanx.wire.step_report import StepReport
 from tests.process.runs import COMMAND_SECRET, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm

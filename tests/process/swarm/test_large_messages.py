@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from phalanx.wire.messages import MAX_BYTES
+from phalanx.messages.kinds import MAX_BYTES
 from phalanx.wire.pubsub import publisher, subscribe, wait_for_listener
 from phalanx.wire.session import free_endpoint, open_hub
 

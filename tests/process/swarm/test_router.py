@@ -8,10 +8,10 @@ import zenoh
 
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.messages.keys import PLANT
+from phalanx.messages.membership import Membership
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.scenario.load import load
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
 from phalanx.wire.session import open_client
 from tests.process.runs import wait_for
 from tests.process.swarm.programs import Programs

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.messages.keys import Keys
 from phalanx.scenario.load import load
-from phalanx.wire.keys import Keys
 from phalanx.wire.pubsub import Addressed, Delivery, ViewerCopies, publisher
 from phalanx.wire.session import free_endpoint, open_hub
 from tests.process.runs import SECRET, live_run, wait_for
@@ -42,7 +42,7 @@ session._parsed = patient
 default that is ten seconds, in which a busy machine makes few steps."""
 TAP = """
 import os, signal, sys
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 from phalanx.wire.tap import tapped
 run, endpoint, secret = sys.argv[1:]
 for _ in tapped(Membership(run, endpoint, secret.encode())):
@@ -51,7 +51,7 @@ for _ in tapped(Membership(run, endpoint, secret.encode())):
 VIEWER = """
 import os, signal, sys
 from phalanx_viewer.feeds.live import Live
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 run, endpoint, secret = sys.argv[1:]
 live = Live(Membership(run, endpoint, secret.encode()))
 while not live.take():

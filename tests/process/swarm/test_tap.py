@@ -11,11 +11,11 @@ import pytest
 
 from phalanx.faults.commands import CommandPolicy
 from phalanx.identities import access_control
+from phalanx.messages.credentials import Admission
+from phalanx.messages.keys import VIEWER
+from phalanx.messages.kinds import VERSION
+from phalanx.messages.membership import Membership
 from phalanx.scenario.load import load
-from phalanx.wire.credentials import Admission
-from phalanx.wire.keys import VIEWER
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import VERSION
 from phalanx.wire.session import HubError, free_endpoint, open_hub
 from phalanx.wire.tap import tapped
 from tests.process.runs import COMMAND_SECRET, SECRET, live_run, wait_for

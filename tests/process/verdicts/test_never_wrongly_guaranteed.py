@@ -24,6 +24,7 @@ from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.check import check
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter
@@ -36,7 +37,6 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Wall
-from phalanx.wire.messages import Sample, Telemetry
 
 OWN = '''
 from dataclasses import dataclass

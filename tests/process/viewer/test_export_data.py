@@ -14,7 +14,7 @@ from phalanx_viewer.export.write import run
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.wire.step_report import QUANTITIES
+from phalanx.messages.step_report import QUANTITIES
 
 
 @pytest.fixture(scope="module")

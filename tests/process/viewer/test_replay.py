@@ -13,9 +13,9 @@ from phalanx_viewer.scene.picture import Picture
 from phalanx.curves.history import EMPTY_CODES
 from phalanx.curves.series import LEAST_HORIZON
 from phalanx.faults.commands import CommandKind
+from phalanx.messages.kinds import Frame
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.wire.messages import Frame
 from tests.process.runs import HELD, PACED, live_run, wait_for
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]

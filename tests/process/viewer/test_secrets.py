@@ -9,9 +9,9 @@ import pytest
 from phalanx_viewer.pages import LivePage
 
 from phalanx.launcher.live import LIVE
+from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, SHARED, VIEWER
+from phalanx.messages.membership import Membership
 from phalanx.scenario.load import load
-from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, SHARED, VIEWER
-from phalanx.wire.membership import Membership
 from tests.process.leaks import files_of, leaks
 from tests.process.runs import COMMAND_SECRET, HELD, SECRET, free_port, live_run, wait_for
 

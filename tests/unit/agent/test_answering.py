@@ -11,9 +11,9 @@ from phalanx_agent.answering import SampleAnswering, pending_watchdog
 from phalanx_agent.step import Answer, ControlStep
 
 from phalanx.faults.commands import ActiveCommands
-from phalanx.wire.keys import Keys
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Broadcast, Sample
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import Actuation, Broadcast, Sample
+from phalanx.messages.membership import Membership
 from tests.unit.swarms import rows_of_scenario
 
 KEYS = Keys("r")

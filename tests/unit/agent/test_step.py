@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from phalanx_agent.step import ControlStep
 
+from phalanx.messages.kinds import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
+from phalanx.messages.seal import Malformed, Sealer
+from phalanx.messages.step_report import QUANTITIES, StepReport
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
-from phalanx.wire.seal import Malformed, Sealer
-from phalanx.wire.step_report import QUANTITIES, StepReport
 from tests.unit.swarms import rows_of_scenario
 
 PERIOD = 0.01

@@ -9,7 +9,7 @@ from rich.console import Console
 
 import phalanx
 from phalanx.cli import display
-from phalanx.wire.messages import Status
+from phalanx.messages.kinds import Status
 from tests.unit.report.recordings import summary_of
 
 _CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")

@@ -7,7 +7,7 @@ import pytest
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.cli.option_checks import endpoint_for, on_loopback, require_endpoint
 from phalanx.launcher.live import announced
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 
 RUN = ("--scenario", "one-on-one", "--run", "r")
 

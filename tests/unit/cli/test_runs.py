@@ -6,7 +6,7 @@ import msgspec
 
 from phalanx.cli.app import status
 from phalanx.launcher.live import announced
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 

@@ -12,7 +12,8 @@ import phalanx
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import read, swarm_of
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
+from phalanx.schema.registry import lookup
 from phalanx.seeded.draws import Draws
 from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
@@ -99,7 +100,7 @@ def explained(dynamics: Dynamics, drawn: Windows) -> np.ndarray:
 
 
 def test_all_shipped_dynamics_are_tried():
-    assert {type(model) for model in MODELS} == set(BUILT_IN[Dynamics].values())
+    assert {type(m) for m in MODELS} == {lookup(Dynamics, name) for name in BUILT_IN[Dynamics]}
 
 
 @pytest.mark.parametrize("dynamics", MODELS, ids=lambda model: type(model).__name__)

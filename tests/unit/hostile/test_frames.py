@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.wire.messages import AgentStatus, LinkEvent
-from phalanx.wire.seal import Malformed
+from phalanx.messages.kinds import AgentStatus, LinkEvent
+from phalanx.messages.seal import Malformed
 from tests.hostile.messages import KEYS, SCENARIO, receivers
 
 GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames).good(0)

@@ -11,10 +11,10 @@ import phalanx
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Assumption, FaultCount, Outcome, Violation
+from phalanx.messages.seal import SEAL_BYTES
 from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.model import Reading, Scenario
-from phalanx.wire.seal import SEAL_BYTES
 from phalanx.wire.tap import decoded
 from tests.unit.report.recordings import drift, summary_of, unicycles
 

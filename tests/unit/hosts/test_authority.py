@@ -10,7 +10,7 @@ import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.hosts.authority import make_identities
-from phalanx.wire.keys import PLANT
+from phalanx.messages.keys import PLANT
 
 
 def test_nobody_but_their_owner_can_read_keys_or_look_into_their_folders(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import pytest
 import zenoh
 
 from phalanx.identities import Subject, access_control
-from phalanx.wire.credentials import Admission, Credentials
-from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.messages.credentials import Admission, Credentials
+from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.session import free_endpoint, open_client, open_hub
 from tests.process.runs import wait_for
 

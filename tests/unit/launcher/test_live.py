@@ -12,9 +12,9 @@ import pytest
 from phalanx.cli.app import FAILED, status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.live import LIVE, announced, find_live
+from phalanx.messages.membership import Membership
 from phalanx.profile import read_profile
 from phalanx.recording.records import RECORDING, SUMMARY
-from phalanx.wire.membership import Membership
 
 OURS = Membership("r", "tcp/127.0.0.1:7447", b"secret")
 IN_ATTRIB, IN_CREATE = 0x4, 0x100

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
+from phalanx.messages.kinds import Broadcast
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
 from phalanx.network.link import Link, LinkModel
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Broadcast
 from tests.unit.network.models import model
 
 LOSSY = model(loss=0.3, delay={"low": 0.002, "high": 0.05})

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from phalanx.faults.links import Hold
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import Broadcast
+from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.inbox import BroadcastInbox
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import (
@@ -21,9 +24,6 @@ from phalanx.network.rule import (
     delay,
 )
 from phalanx.seeded.draws import Draws
-from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Broadcast
-from phalanx.wire.seal import Malformed, Sealer
 from tests.unit.network.models import model
 
 MANY = 20_000

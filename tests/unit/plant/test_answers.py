@@ -5,12 +5,12 @@ import pytest
 from msgspec.structs import replace
 from phalanx_plant.hub.answers import Answers
 
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import Actuation, Sample, Telemetry
+from phalanx.messages.seal import Malformed, Sealer
+from phalanx.messages.step_report import StepReport
 from phalanx.network.inbox import Claim, Fate
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Actuation, Sample, Telemetry
-from phalanx.wire.seal import Malformed, Sealer
-from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import swarm_of_scenario
 
 KEYS, SEALER = Keys("run"), Sealer(b"secret")

@@ -5,11 +5,11 @@ import pytest
 from phalanx_plant.clock.commands import CommandQueue, declared
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition, FaultState
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import CommandMessage
+from phalanx.messages.seal import Sealer
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.keys import Keys
-from phalanx.wire.messages import CommandMessage
-from phalanx.wire.seal import Sealer
 from tests.unit.plant.signals import outlasting_a_wait
 
 KEY, SECRET = Keys("run").command, b"the command secret"

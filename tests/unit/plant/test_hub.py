@@ -7,7 +7,7 @@ from phalanx_plant.hub import hub
 from phalanx_plant.hub.hub import Countdown, LockstepHub
 from phalanx_plant.world.events import SwarmBrokenError
 
-from phalanx.wire.membership import Membership
+from phalanx.messages.membership import Membership
 from phalanx.wire.session import free_endpoint
 from tests.unit.swarms import swarm_of_scenario
 

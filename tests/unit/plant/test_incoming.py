@@ -6,8 +6,8 @@ import queue
 import pytest
 from phalanx_plant.hub.session import _MOST, IncomingQueue
 
-from phalanx.wire.messages import MAX_BYTES
-from phalanx.wire.seal import Malformed, Refusals
+from phalanx.messages.kinds import MAX_BYTES
+from phalanx.messages.seal import Malformed, Refusals
 from tests.unit.plant.signals import outlasting_a_wait
 
 ANSWER = b"the answer"

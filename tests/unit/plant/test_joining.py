@@ -3,7 +3,7 @@
 import pytest
 from phalanx_plant.hub.joining import Joining
 
-from phalanx.wire.keys import Keys
+from phalanx.messages.keys import Keys
 from tests.unit.swarms import swarm_of_scenario
 
 KEYS = Keys("run")

@@ -17,11 +17,11 @@ from phalanx_plant.world.world import DisturbanceKnot, DivergedError, Segment
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
+from phalanx.messages.kinds import Telemetry
+from phalanx.messages.step_report import StepReport
 from phalanx.network.inbox import Claim, Fate
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Telemetry
-from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 

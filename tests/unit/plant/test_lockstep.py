@@ -20,6 +20,8 @@ from phalanx_plant.world.world import World
 from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.messages.kinds import Sample, Status, Telemetry
+from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
@@ -27,8 +29,6 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Sample, Status, Telemetry
-from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 RUNAWAY = """

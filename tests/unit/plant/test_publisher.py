@@ -15,9 +15,9 @@ from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.messages.kinds import Frame, Status
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.runnable import compile_rows
-from phalanx.wire.messages import Frame, Status
 from tests.unit.swarms import rows_of_scenario
 
 

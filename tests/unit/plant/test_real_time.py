@@ -14,11 +14,11 @@ from phalanx.arrays import Array
 from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.messages.kinds import Sample, Status, Telemetry
+from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Sample, Status, Telemetry
-from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004

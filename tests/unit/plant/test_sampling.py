@@ -6,9 +6,9 @@ from phalanx_plant.clock.commands import declared
 from phalanx_plant.sampling.sampling import Sampling, TakenSample
 
 from phalanx.faults.commands import Command, CommandKind
+from phalanx.messages.kinds import Sample
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Sample
 from tests.unit.swarms import swarm_of_scenario
 
 

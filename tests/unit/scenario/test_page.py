@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from phalanx.scenario.model import MAX_AGENTS
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
+from phalanx.schema.registry import lookup
 from phalanx.theory.models.dynamics import Dynamics
 
 PAGE = (Path(__file__).parents[3] / "docs" / "scenario.md").read_text(encoding="utf-8")
@@ -22,7 +23,7 @@ def test_every_built_in_type_is_on_the_page(kind, name):
 @pytest.mark.parametrize("name", BUILT_IN[Dynamics])
 def test_a_dynamics_has_its_fields_on_the_page(name):
     (listed,) = re.findall(rf"`{name}` \(([^)]*)\)", PAGE)
-    fields = [field.name for field in dataclasses.fields(BUILT_IN[Dynamics][name])]
+    fields = [field.name for field in dataclasses.fields(lookup(Dynamics, name))]
     assert re.findall(r"`(\w+)`", listed) == fields
 
 

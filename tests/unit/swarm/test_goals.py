@@ -9,7 +9,8 @@ import pytest
 
 import phalanx
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.schema.registry import BUILT_IN, construct
+from phalanx.schema.built_in import BUILT_IN
+from phalanx.schema.registry import construct
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.laws.goals import Goal, hold

@@ -9,11 +9,11 @@ from phalanx_viewer.scene.model import scene_model
 
 from phalanx.curves.history import recorded_series
 from phalanx.guarantee.verdict import Violation
+from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent
+from phalanx.messages.step_report import QUANTITIES, AppliedStep
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import AgentStatus, Frame, LinkEvent
-from phalanx.wire.step_report import QUANTITIES, AppliedStep
 
 MODEL = scene_model(load("unicycles", []))
 

@@ -9,11 +9,11 @@ from phalanx.arrays import Array
 from phalanx.curves.history import recorded_series
 from phalanx.curves.series import unit_of
 from phalanx.guarantee.verdict import Outcome
+from phalanx.messages.step_report import QUANTITIES
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.dynamics import units
-from phalanx.wire.step_report import QUANTITIES
 from phalanx_viewer.scene.model import SceneModel
 
 _AT_ONCE = 64

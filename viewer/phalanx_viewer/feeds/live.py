@@ -10,13 +10,13 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
+from phalanx.messages.keys import PLANT
+from phalanx.messages.kinds import CommandMessage, Ended, Frame, Setup
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import CommandMessage, Ended, Frame, Setup
-from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx.wire.session import open_client
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import SceneModel, scene_model

@@ -22,9 +22,9 @@ from phalanx.curves.history import (
 )
 from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
+from phalanx.messages.kinds import AgentStatus, Frame, LogLine
+from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import AgentStatus, Frame, LogLine
-from phalanx.wire.step_report import QUANTITIES, AppliedStep, numbers_of
 from phalanx_viewer.scene.model import SceneModel
 
 SPACING = 0.2

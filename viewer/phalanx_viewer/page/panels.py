@@ -7,8 +7,8 @@ import viser
 from phalanx.curves.series import NO_ROW
 from phalanx.faults.commands import EFFECTS, CommandKind, Condition
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.messages.kinds import AgentStatus, Frame, LogLine
 from phalanx.theory.rows.origin import origin_label
-from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx_viewer.feeds.feed import Feed, interim_outcome
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.model import SceneModel

@@ -18,11 +18,11 @@ from phalanx.curves.series import (
     zoom_window,
 )
 from phalanx.faults.commands import Condition
+from phalanx.messages.kinds import Frame
+from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
 from phalanx.recording.broadcasts import FATES
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Frame
-from phalanx.wire.step_report import QUANTITIES, Quantity, numbers_of
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.plots.content import FALSE, Content, Curve, Lane, Mark, Period, Plot, Zoom
 

@@ -58,7 +58,7 @@ def ros2(
       phalanx ros2 runs/unicycles-1
       phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447 --insecure
     """
-    from phalanx.wire.keys import VIEWER
+    from phalanx.messages.keys import VIEWER
 
     membership = live_membership(recording, run, connect, secret, keys, insecure, timeout, VIEWER)
     require_here(

@@ -15,9 +15,9 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 from phalanx.arrays import Array
 from phalanx.curves.series import unit_of
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.step_report import QUANTITIES
 from phalanx.ros2 import cdr
-from phalanx.wire.messages import AgentStatus, Frame
-from phalanx.wire.step_report import QUANTITIES
 from phalanx_viewer.feeds.feed import interim_outcome
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role, role
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to

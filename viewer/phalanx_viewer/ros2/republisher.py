@@ -10,9 +10,9 @@ from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticAr
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
+from phalanx.messages.kinds import Frame
 from phalanx.ros2.cdr import message_type, serialized
 from phalanx.ros2.rmw_zenoh import Node, NodeName
-from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed, keep_up, stop_request
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.ros2 import messages

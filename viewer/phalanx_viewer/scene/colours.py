@@ -4,8 +4,8 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from phalanx.faults.commands import Condition
+from phalanx.messages.kinds import AgentStatus
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import AgentStatus
 
 Colour = tuple[int, int, int]
 

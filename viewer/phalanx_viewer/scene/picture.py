@@ -8,7 +8,7 @@ import numpy as np
 
 from phalanx.arrays import Array, Mask
 from phalanx.guarantee.verdict import Violation
-from phalanx.wire.messages import Frame
+from phalanx.messages.kinds import Frame
 from phalanx_viewer.scene.colours import COLOURS, OBSTACLE, Colour, role
 from phalanx_viewer.scene.model import SceneModel, unit
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from phalanx.wire.messages import MAX_BYTES, VERSION, Message
+from phalanx.messages.kinds import MAX_BYTES, VERSION, Message
 
 SEAL_BYTES = 16
 

@@ -4,10 +4,10 @@ import pickle
 
 import pytest
 
-from phalanx.wire.keys import PLANT, SHARED, VIEWER, Keys, kind_and_name, owner
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Broadcast, Status
-from phalanx.wire.seal import Malformed
+from phalanx.messages.keys import PLANT, SHARED, VIEWER, Keys, kind_and_name, owner
+from phalanx.messages.kinds import Actuation, Broadcast, Status
+from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed
 
 ROOT = Membership("r", "tcp/127.0.0.1:1", b"hidden", PLANT)
 KEYS = Keys("r")

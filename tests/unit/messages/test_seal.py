@@ -10,10 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.network.inbox import Fate
-from phalanx.theory.rows.origin import Origin
-from phalanx.wire.keys import Keys, kind_and_name
-from phalanx.wire.messages import (
+from phalanx.messages.keys import Keys, kind_and_name
+from phalanx.messages.kinds import (
     MAX_BYTES,
     VERSION,
     Actuation,
@@ -24,8 +22,10 @@ from phalanx.wire.messages import (
     Status,
     Telemetry,
 )
-from phalanx.wire.seal import Malformed, Sealer
-from phalanx.wire.step_report import StepReport
+from phalanx.messages.seal import Malformed, Sealer
+from phalanx.messages.step_report import StepReport
+from phalanx.network.inbox import Fate
+from phalanx.theory.rows.origin import Origin
 
 KEYS = Keys("run-1")
 KEY = KEYS.telemetry("1")

@@ -7,11 +7,11 @@ from typing import Any
 import msgpack
 import pytest
 
-from phalanx.wire import messages
-from phalanx.wire.keys import Keys
-from phalanx.wire.membership import Membership
-from phalanx.wire.messages import VERSION, AgentStatus, Message
-from phalanx.wire.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
+from phalanx.messages import kinds as messages
+from phalanx.messages.keys import Keys
+from phalanx.messages.kinds import VERSION, AgentStatus, Message
+from phalanx.messages.membership import Membership
+from phalanx.messages.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
 
 PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
 SECRET = b"secret"

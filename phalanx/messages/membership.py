@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from phalanx.wire.credentials import Credentials
-from phalanx.wire.keys import PLANT, SHARED, VIEWER, Keys, link, owner
-from phalanx.wire.seal import RunSealer, Sealer
+from phalanx.messages.credentials import Credentials
+from phalanx.messages.keys import PLANT, SHARED, VIEWER, Keys, link, owner
+from phalanx.messages.seal import RunSealer, Sealer
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Membership:
     secret: bytes = field(default=b"", repr=False)
     """The run's secret, from which all keys are derived; its owner can pass for any program."""
     identity: str = VIEWER
-    """The program's name: an agent's, or another of phalanx.wire.keys."""
+    """The program's name: an agent's, or another of phalanx.messages.keys."""
     timeout: float = 60.0
     """Time to reach the hub [s of wall time]."""
     identity_folder: Path | None = None

@@ -11,10 +11,10 @@ import msgspec
 
 from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
+from phalanx.messages.step_report import AppliedStep, StepReport
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
-from phalanx.wire.step_report import AppliedStep, StepReport
 
 VERSION = 4
 MAX_BYTES = 65_536

@@ -1,0 +1,75 @@
+"""Names of the classes that Phalanx brings, by kind: the protocol that each fulfils.
+
+A scenario writes the name as `type`. Only the modules of named classes are imported.
+"""
+
+from collections.abc import Mapping
+
+from phalanx.theory.laws.goals import Reference
+from phalanx.theory.laws.law import Controller, Law
+from phalanx.theory.margins.margin import Margin
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.world import World
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.function import Limit, SafeSetFunction
+
+BUILT_IN: Mapping[type, Mapping[str, str]] = {
+    Dynamics: {
+        "unicycle": "phalanx.theory.models.wheeled:Unicycle",
+        "dynamic-unicycle": "phalanx.theory.models.wheeled:DynamicUnicycle",
+        "single-integrator": "phalanx.theory.models.integrators:SingleIntegrator",
+        "double-integrator": "phalanx.theory.models.integrators:DoubleIntegrator",
+        "triple-integrator": "phalanx.theory.models.integrators:TripleIntegrator",
+        "differential-drive": "phalanx.theory.models.wheeled:DifferentialDrive",
+        "bicycle": "phalanx.theory.models.wheeled:KinematicBicycle",
+        "planar-quadrotor": "phalanx.theory.models.aerial:PlanarQuadrotor",
+        "quadrotor": "phalanx.theory.models.aerial:Quadrotor",
+        "identified-quadrotor": "phalanx.theory.models.aerial:IdentifiedQuadrotor",
+    },
+    ClassK: {
+        "linear": "phalanx.theory.safety.class_k:Linear",
+        "power": "phalanx.theory.safety.class_k:Power",
+    },
+    SafeSetFunction: {
+        "separation": "phalanx.theory.safety.function:Separation",
+        "distance": "phalanx.theory.safety.function:Distance",
+        "heading-aware": "phalanx.theory.safety.function:HeadingAware",
+    },
+    Limit: {
+        "fence": "phalanx.theory.safety.function:Fence",
+        "band": "phalanx.theory.safety.function:Band",
+    },
+    Margin: {
+        "paper": "phalanx.theory.margins.margin:PaperMargin",
+        "corrected": "phalanx.theory.margins.margin:CorrectedMargin",
+        "local": "phalanx.theory.margins.margin:LocalMargin",
+        "integrated": "phalanx.theory.margins.margin:IntegratedMargin",
+    },
+    Reference: {
+        "point": "phalanx.theory.laws.goals:FixedPoint",
+        "waypoints": "phalanx.theory.laws.goals:Waypoints",
+        "path": "phalanx.theory.laws.goals:PathAtSpeed",
+        "follow": "phalanx.theory.laws.goals:Follow",
+    },
+    Law: {
+        "track-velocity": "phalanx.theory.laws.tracking:TrackVelocity",
+        "track": "phalanx.theory.laws.tracking:Track",
+        "pursue": "phalanx.theory.laws.tracking:Pursue",
+        "chase": "phalanx.theory.laws.attacks:Chase",
+        "worst": "phalanx.theory.laws.attacks:WorstCase",
+        "worst-lookahead": "phalanx.theory.laws.attacks:WorstLookahead",
+        "script": "phalanx.theory.laws.attacks:Script",
+    },
+    Controller: {
+        "none": "phalanx.baselines.plain:Nominal",
+        "cbf-qp": "phalanx.baselines.barrier:BarrierQP",
+        "clf-cbf": "phalanx.baselines.barrier:LyapunovBarrierQP",
+        "escape": "phalanx.baselines.plain:Escape",
+    },
+    World: {
+        "crazyflies": "phalanx.worlds.crazyflies:Crazyflies",
+        "mujoco": "phalanx.worlds.mujoco:Mujoco",
+        "ros2": "phalanx.worlds.ros2:Ros2",
+    },
+}
+"""Module and class by name, by kind."""
