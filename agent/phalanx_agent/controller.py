@@ -11,10 +11,10 @@ from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
 from phalanx.guarantee.proven_filter import ProvenFilter
 from phalanx.messages.step_report import StepReport
+from phalanx.schema.registry import construct
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.laws.attacks import WorstCase
-from phalanx.theory.laws.law import CheckedInput, View
+from phalanx.theory.laws.law import CheckedInput, Law, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
@@ -104,7 +104,7 @@ class DistributedController:
         """Attack from now on, without a row; an adversary knows everything."""
         rows = self._everything
         self._members = rows.swarm.members
-        self._nominal = CheckedInput(WorstCase(), self._members[self._i])
+        self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
         self._own = None
         return self

@@ -23,13 +23,9 @@ from phalanx.schema.registry import is_users
 from phalanx.schema.user_code import names_user_code
 from phalanx.theory.expressions.kept import kept, kept_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
-from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
 from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Controller, Law
-from phalanx.theory.laws.tracking import Pursue
 from phalanx.theory.models.dynamics import Dynamics, require_sound
-
-_WITHOUT_GOAL = (Pursue, Chase, WorstCase, WorstLookahead, Script)
 
 
 class GoalField(RootModel[Table]):
@@ -194,8 +190,8 @@ class AgentGroup(Strict):
 
     @property
     def steers_by_goal(self) -> bool:
-        """True if the agents' law uses their goals; of a user's law it is assumed."""
-        return not isinstance(self._law, _WITHOUT_GOAL)
+        """True if the agents' law uses their goals, unless it has the attribute `without_goal`."""
+        return not getattr(self._law, "without_goal", False)
 
     @property
     def facts(self) -> AgentFacts:

@@ -6,7 +6,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -58,6 +58,8 @@ class Chase:
     While it does not see its target it pursues the nearest normal agent. If it sees none it stays
     in place.
     """
+
+    without_goal: ClassVar[bool] = True
 
     gains: Gains
     """k_1 ... k_q, as Track has them."""
@@ -162,6 +164,8 @@ _AUTHORITY = 0.01
 class WorstCase:
     """u_j^max of Eq. (adversarialu): the input of U_j with the largest effect on ψ_q."""
 
+    without_goal: ClassVar[bool] = True
+
     def prepare(self, dynamics: Dynamics) -> None:
         """Do nothing: the attack fits every dynamics."""
 
@@ -186,6 +190,8 @@ class WorstLookahead:
     again, so that the input is bang-bang. Of all targets in sight it takes the one that it can come
     closest to; if it sees none it applies the first corner.
     """
+
+    without_goal: ClassVar[bool] = True
 
     horizon: Positive = 3.0
     """[s]"""
@@ -267,6 +273,8 @@ class Script:
 
     An agent changes its input at its first sample at or after the instant. It keeps the last one.
     """
+
+    without_goal: ClassVar[bool] = True
 
     at: Annotated[tuple[Instant, ...], MinLen(1)]
     """When each input begins [s]: 0 first, then ascending."""

@@ -7,7 +7,7 @@ that attract (as printed in the paper they repel).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -118,6 +118,8 @@ class Pursue:
 
     If it sees none it stays in place.
     """
+
+    without_goal: ClassVar[bool] = True
 
     gain: Positive = 5.0
     """k [1/s]"""
