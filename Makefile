@@ -4,6 +4,7 @@
 # base` record what is installed, by hashes.
 PYTHON ?= python3
 VENV ?= .venv
+PACKAGES := $(wildcard packages/phalanx-*)
 READY := $(VENV)/.ready
 PYTEST := $(VENV)/bin/python -m pytest -q --durations 10
 # Modules in this order: two workers begin at its end, see tests/conftest.py.
@@ -25,11 +26,11 @@ quick: $(READY)
 
 test: $(READY)
 	@echo "Testing: about 5 minutes on two cores."
-	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers tests/unit
+	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers packages tests/unit
 
 nightly: $(READY)
 	@echo "Testing what \`make test\` leaves out: about 11 minutes on two cores."
-	$(PYTEST) -n 6 -m nightly tests
+	$(PYTEST) -n 6 -m nightly tests packages
 
 check: $(READY)
 	$(VENV)/bin/ruff check .
@@ -41,17 +42,17 @@ docs: $(READY)
 	$(VENV)/bin/python .ci/reference.py
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet -f docs/site/mkdocs.yml
 
-$(READY): pyproject.toml locks/all.txt
+$(READY): pyproject.toml $(PACKAGES:%=%/pyproject.toml) locks/all.txt
 	@echo "Installing Phalanx and its libraries into $(VENV), once: about 2 minutes and 1.5 GB."
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement locks/all.txt
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(foreach folder,. $(PACKAGES),--editable $(folder))
 	touch $(READY)
 
 # After a change of pyproject.toml or constraints.txt; needs uv. The build's own are beside them.
 locks:
 	printf '%s\n' hatchling | $(LOCK) --extra hosts --output-file locks/image.txt
-	printf '%s\n' hatchling editables | $(LOCK) --extra test --extra docs --output-file locks/all.txt
+	printf '%s\n' hatchling editables | $(LOCK) $(PACKAGES:%=%/pyproject.toml) --extra test --extra docs --no-emit-package phalanx-swarm --output-file locks/all.txt
 
 # Before a release; needs a container engine that reaches its registry.
 base:

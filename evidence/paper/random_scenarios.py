@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from phalanx_certify.checker.certify import Certification, certify
+from phalanx_certify.checker.intervals import UncertifiableError
 from phalanx_plant import run as plant_run
 from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.events import StateReached
 
-from phalanx.certify.checker.certify import Certification, certify
-from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute

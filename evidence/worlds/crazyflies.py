@@ -1,6 +1,6 @@
 """Fly scenario `worlds/crazyflies` over many seeds, and print verdicts and disturbances.
 
-    pip install -e '.[drone-models]'
+    pip install -e ./packages/phalanx-worlds
     python evidence/worlds/crazyflies.py --seeds 20 --picture docs/images/crazyflies.png
 
 What is in build/worlds/crazyflies is not run again. Delete it after a change that moves

@@ -1,6 +1,6 @@
 """Show what the ledger of disturbances finds of known ones, and how often its bound is kept.
 
-    pip install -e '.[mujoco]'
+    pip install -e ./packages/phalanx-worlds
     python evidence/worlds/ledger.py
 
 The first table is of motions under a constant disturbance, with all shipped dynamics. The second

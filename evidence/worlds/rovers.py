@@ -1,6 +1,6 @@
 """Drive scenario `worlds/rovers` over many seeds, with and without failures; print verdicts and φ.
 
-    pip install -e '.[mujoco]'
+    pip install -e ./packages/phalanx-worlds
     python evidence/worlds/rovers.py --seeds 20 --picture docs/images/rovers.png
 
 What is in build/worlds/rovers is not run again. Delete it after a change that moves trajectories.

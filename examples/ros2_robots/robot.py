@@ -1,6 +1,6 @@
 """A ROS 2 robot of pycdr2 and Zenoh alone, as a process: nothing here is Phalanx's.
 
-pip install '.[ros2]' pycdr2
+pip install ./packages/phalanx-ros2 pycdr2
 python examples/ros2_robots/robot.py ROUTER NAME X Y TURN [--loss P] [--delay S] [--silent-after N]
 
 It integrates the newest Twist, and publishes Odometry at its own rate, until its input closes.

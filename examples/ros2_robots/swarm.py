@@ -1,6 +1,6 @@
 """Start a robot for each agent of a scenario of the world `ros2`, and the router where they meet.
 
-pip install '.[ros2]' pycdr2
+pip install ./packages/phalanx-ros2 pycdr2
 python examples/ros2_robots/swarm.py [SCENARIO] [FIELD=VALUE ...], until Ctrl-C; in another terminal
 phalanx run worlds/ros2-robots --real-time --set duration=20
 """

@@ -66,10 +66,14 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "clf-cbf": "phalanx.baselines.barrier:LyapunovBarrierQP",
         "escape": "phalanx.baselines.plain:Escape",
     },
-    World: {
-        "crazyflies": "phalanx.worlds.crazyflies:Crazyflies",
-        "mujoco": "phalanx.worlds.mujoco:Mujoco",
-        "ros2": "phalanx.worlds.ros2:Ros2",
-    },
 }
 """Module and class by name, by kind."""
+
+PACKAGES: Mapping[type, Mapping[str, str]] = {
+    World: {
+        "crazyflies": "phalanx-worlds",
+        "mujoco": "phalanx-worlds",
+        "ros2": "phalanx-ros2",
+    },
+}
+"""Packages of this repository by the names that they register, by kind."""

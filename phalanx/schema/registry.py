@@ -7,11 +7,12 @@ import inspect
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
+from importlib.metadata import entry_points
 from typing import Any
 
 import pydantic
 
-from phalanx.schema.built_in import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN, PACKAGES
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.margins.margin import Margin
@@ -32,14 +33,27 @@ def lookup(kind: type, name: str) -> type:
     Raises ValueError of an unknown name, a failed import, or a class that is not of the kind;
     UntrustedCodeError of a class that may not be imported.
     """
-    if home := BUILT_IN.get(kind, {}).get(name):
+    if home := BUILT_IN.get(kind, {}).get(name) or _installed(kind).get(name):
         return pkgutil.resolve_name(home)  # type: ignore[no-any-return]
+    if package := PACKAGES.get(kind, {}).get(name):
+        raise ValueError(
+            f"{name!r} is of a package beside Phalanx: pip install ./packages/{package}"
+        )
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
     found: type = import_named(name)
     if mistake := _mistake_in(kind, found):
         raise ValueError(f"expected a dataclass that is a {kind.__name__}{mistake}")
     return found
+
+
+@cache
+def _installed(kind: type) -> Mapping[str, str]:
+    """Return the classes of a kind that other packages registered: "module:Name" by name.
+
+    They are the entry points of the group `phalanx.<kind>`, such as `phalanx.World`.
+    """
+    return {entry.name: entry.value for entry in entry_points(group=f"phalanx.{kind.__name__}")}
 
 
 def _mistake_in(kind: type, found: Any) -> str:
@@ -119,7 +133,8 @@ def as_table(value: Any) -> Any:
         )
     given = {f.name: getattr(value, f.name) for f in dataclasses.fields(cls) if f.init}
     home = f"{cls.__module__}:{cls.__qualname__}"
-    short = {home: name for known in BUILT_IN.values() for name, home in known.items()}
+    registered = [*BUILT_IN.values(), *map(_installed, PACKAGES)]
+    short = {home: name for known in registered for name, home in known.items()}
     return {"type": short.get(home, home), **{k: _plain(cls, k, v) for k, v in given.items()}}
 
 
@@ -137,8 +152,8 @@ def _plain(cls: type, field: str, value: Any) -> Any:
 
 
 def _choices(kind: type) -> str:
-    known = BUILT_IN.get(kind, {})
-    return f"one of {', '.join(known)} or package.module:Name" if known else "package.module:Name"
+    names = {**BUILT_IN.get(kind, {}), **PACKAGES.get(kind, {}), **_installed(kind)}
+    return f"one of {', '.join(names)} or package.module:Name"
 
 
 @cache

@@ -1,6 +1,5 @@
 """Two engines, one trajectory: what the fast one says holds for the real one, to the last bit."""
 
-import importlib.util
 import shutil
 import subprocess
 import sys
@@ -183,8 +182,6 @@ HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"
 @pytest.mark.timeout(600)  # the certificates of some dynamics compile for 20 s, twice
 @pytest.mark.parametrize("name", layered(HERE_ALONE, ("faults/robot",)))
 def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
-    if name == "worlds/crazyflies" and importlib.util.find_spec("drone_models") is None:
-        pytest.skip("needs drone-models: pip install '.[drone-models]'")
     # A second of Crazyflies takes twenty: their integration steps are of 0.3 ms.
     lasts = 0.3 if name == "worlds/crazyflies" else DURATION
     shipped = phalanx.load(name, seed=1)

@@ -1,9 +1,9 @@
 """Lies of members in whole runs: what each does, who notices, and what no lie can do."""
 
 import pytest
+from phalanx_certify.checker.certify import certify
 
 import phalanx
-from phalanx.certify.checker.certify import certify
 from phalanx.guarantee.verdict import Assumption
 from tests.layers import layered
 

@@ -12,12 +12,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ("agent", "plant", "viewer")
-PACKAGES = ("phalanx", *(f"phalanx_{program}" for program in PROGRAMS))
+BESIDE = ("certify", "ros2", "worlds")  # packages that nothing of the product imports
+PACKAGES = ("phalanx", *(f"phalanx_{name}" for name in PROGRAMS + BESIDE))
 
 
 def rooms(text: str, *above: set[str]) -> set[str]:
     """Names of rooms, written short as "wire" or "plant.hub", and those of rooms above."""
-    marks = {name: "_" if name.split(".")[0] in PROGRAMS else "." for name in text.split()}
+    marks = {name: "_" if name.split(".")[0] in PROGRAMS + BESIDE else "." for name in text.split()}
     return {f"phalanx{mark}{name}" for name, mark in marks.items()}.union(*above)
 
 
@@ -35,7 +36,7 @@ METRICS = rooms("metrics", RECORDING)
 CURVES = rooms("curves", METRICS)
 LAUNCHER = rooms("wire launcher", METRICS)
 PLANT = rooms("plant.world plant.sampling plant.judge plant.clock plant.observers plant.hub")
-VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export viewer.ros2")
+VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export")
 
 COMMANDED = rooms("cli identities", LAUNCHER) | {"phalanx"}  # with a command of its own
 
@@ -54,7 +55,6 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.rows": THEORY - rooms("theory.laws theory.trust"),
     "phalanx.theory.laws": THEORY - rooms("theory.trust"),
     "phalanx.baselines": THEORY,
-    "phalanx.worlds": rooms("theory.expressions theory.models"),
     "phalanx.seeded": set(),
     "phalanx.schema": THEORY,
     "phalanx.network": THEORY | rooms("seeded schema"),
@@ -91,17 +91,12 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.attacks": COMMANDED | CURVES | rooms("report statistics studies studies.page"),
     "phalanx.studies.page": COMMANDED | rooms("report statistics studies"),
     "phalanx.hosts": COMMANDED,
-    "phalanx.ros2": WIRE,
-    "phalanx.certify": COMMANDED | rooms("certify.checker"),
-    # Shares what docs/certificate.md lists; records are handed to it.
-    "phalanx.certify.checker": rooms("theory.models theory.safety scenario"),
     "phalanx_viewer": COMMANDED | CURVES | VIEWER,
     "phalanx_viewer.scene": CURVES,
     "phalanx_viewer.feeds": CURVES | rooms("wire viewer.scene"),
     "phalanx_viewer.plots": CURVES | rooms("viewer.scene viewer.feeds"),
     "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx_viewer.export": CURVES | rooms("report viewer.scene viewer.feeds viewer.plots"),
-    "phalanx_viewer.ros2": COMMANDED | CURVES | rooms("ros2 viewer viewer.scene viewer.feeds"),
 }
 EXTENSIONS = {
     "phalanx.curves",
@@ -109,8 +104,9 @@ EXTENSIONS = {
     "phalanx.attacks",
     "phalanx.studies.page",
     "phalanx.hosts",
-    "phalanx.ros2",
-    "phalanx.certify",
+    "phalanx_certify",
+    "phalanx_worlds",
+    "phalanx_ros2",
     "phalanx_viewer",
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
@@ -169,7 +165,8 @@ def imports() -> dict[str, list[str]]:
 def modules() -> list[tuple[str, Path]]:
     """Every module of the project, by dotted name."""
     found = []
-    for top in (ROOT, *(ROOT / program for program in PROGRAMS)):
+    beside = (ROOT / "packages" / f"phalanx-{name}" for name in BESIDE)
+    for top in (ROOT, *(ROOT / program for program in PROGRAMS), *beside):
         for package in PACKAGES:
             for file in sorted((top / package).rglob("*.py")):
                 name = ".".join(file.relative_to(top).with_suffix("").parts)
@@ -263,7 +260,7 @@ def test_the_page_on_certificates_lists_all_that_the_checker_shares():
     listed = {
         f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)
     }
-    home = "phalanx.certify.checker"
+    home = "phalanx_certify.checker"
     own = {target for name, found in imports().items() if room_of(name) == home for target in found}
     assert listed == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
     assert len(listed) > 5
@@ -308,8 +305,8 @@ def graph() -> Mapping[str, set[str]]:
         ("phalanx.recording.read", "phalanx.wire"),
         ("phalanx.recording.write", "phalanx.wire"),
         ("phalanx.scenario.load", "phalanx_plant"),
-        ("phalanx.scenario.load", "phalanx.worlds"),
-        ("phalanx_agent.main", "phalanx.worlds"),
+        ("phalanx.scenario.load", "phalanx_worlds"),
+        ("phalanx_agent.main", "phalanx_worlds"),
     ],
 )
 def test_control_simulator_and_recording_know_no_wire_and_a_scenario_no_simulator(root, room):
@@ -365,13 +362,13 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx.network.link", "from phalanx.recording.read import read"),
         ("phalanx.seeded.draws", "import phalanx.network.link"),
         ("phalanx.recording.read", "import zenoh"),
-        ("phalanx.certify.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
-        ("phalanx.certify.checker.certify", "from phalanx.recording.read import read"),
-        ("phalanx.certify.checker.intervals", "import phalanx.theory.expressions.interval"),
+        ("phalanx_certify.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
+        ("phalanx_certify.checker.certify", "from phalanx.recording.read import read"),
+        ("phalanx_certify.checker.intervals", "import phalanx.theory.expressions.interval"),
         ("phalanx_agent.main", "if True:\n    from zenoh import Session"),
         ("phalanx.cli.run", "import phalanx_viewer"),
         ("phalanx.launcher.run", "from phalanx.report.write import write_report"),
-        ("phalanx.cli.check", "from phalanx.certify.command import certify"),
+        ("phalanx.cli.check", "from phalanx_certify.command import certify"),
         ("phalanx_plant.hub.hub", "from phalanx.hosts.authority import signer"),
     ],
 )

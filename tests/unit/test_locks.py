@@ -10,6 +10,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+BESIDE = sorted((ROOT / "packages").glob("*/pyproject.toml"))
 LOCKS = {"image": ("hosts",), "all": ("test", "docs")}
 
 
@@ -37,6 +38,10 @@ def test_a_lock_has_the_tested_versions_of_all_that_is_needed(name: str) -> None
     assert versions.items() <= pinned().items(), "else: make locks"
     extras = PROJECT["project"]["optional-dependencies"]
     wanted = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+    if name == "all":
+        beside = [tomllib.loads(file.read_text())["project"]["dependencies"] for file in BESIDE]
+        assert all(beside)
+        wanted += [text for texts in beside for text in texts]
     for text in (*wanted, *(each for extra in LOCKS[name] for each in extras[extra])):
         needed = Requirement(text)
         if needed.name != PROJECT["project"]["name"]:

@@ -11,13 +11,13 @@ import casadi as ca
 import msgspec
 import numpy as np
 import pytest
+from phalanx_certify.checker.certify import certify
+from phalanx_certify.checker.intervals import UndecidedError
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.run import PlantRun
 from phalanx_plant.world.world import Actuators
 
-from phalanx.certify.checker.certify import certify
-from phalanx.certify.checker.intervals import UndecidedError
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import pair_certificate
 from phalanx.guarantee.certificates import SwarmCertificates

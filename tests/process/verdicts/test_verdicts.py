@@ -1,10 +1,10 @@
 """The shipped scenarios of the whole theory run to their verdicts."""
 
 import pytest
+from phalanx_certify.checker.certify import Certification, certify
 
 import phalanx
 from phalanx import Outcome
-from phalanx.certify.checker.certify import Certification, certify
 
 
 def run(name: str, *overrides: str) -> phalanx.Summary:

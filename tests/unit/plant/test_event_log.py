@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from phalanx_certify.checker.certify import certify
+from phalanx_certify.checker.intervals import UncertifiableError
 
 import phalanx
-from phalanx.certify.checker.certify import certify
-from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
 

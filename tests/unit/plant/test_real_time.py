@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from phalanx_certify.checker.certify import certify
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.real_time import RealTime
 from phalanx_plant.run import PlantRun
 
 from phalanx.arrays import Array
-from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
