@@ -21,7 +21,9 @@ Docstrings = dict[str, str]
 
 
 def file_of(module: str) -> Path:
-    path = ROOT.joinpath(*module.split("."))
+    parts = module.split(".")
+    top = next((p for p in (ROOT / "packages").iterdir() if (p / parts[0]).is_dir()), ROOT)
+    path = top.joinpath(*parts)
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
