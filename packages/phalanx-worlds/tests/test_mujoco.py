@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from phalanx_worlds import mujoco
 from phalanx_worlds.mujoco import Failure, Mujoco
 
 import phalanx
@@ -118,15 +117,6 @@ def test_robots_with_other_coordinates_are_refused():
 def test_a_failure_of_no_agent_is_refused():
     with pytest.raises(ValueError, match="failures: expected names of agents, got 9"):
         Mujoco(failures=(Failure(at=1.0, agent="9"),)).require_robots({"one": HEAVY})
-
-
-def test_without_mujoco_the_error_says_what_to_install(monkeypatch):
-    def missing(name):
-        raise ModuleNotFoundError(name=name)
-
-    monkeypatch.setattr(mujoco, "import_module", missing)
-    with pytest.raises(ValueError, match=r"mujoco needs mujoco: pip install '\.\[muj"):
-        Mujoco().begin(robots(HEAVY), 0, 1e-3)
 
 
 @pytest.mark.slow

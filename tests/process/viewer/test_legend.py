@@ -11,8 +11,8 @@ from phalanx_viewer.scene.server import SceneServer
 from phalanx_viewer.scene.texts import legend
 from viser._messages import _CreateSceneNodeMessage
 
+from phalanx.messages.kinds import AgentStatus, Frame
 from phalanx.scenario.load import load
-from phalanx.wire.messages import AgentStatus, Frame
 
 MARKS = {
     "agents/bodies": "normal",

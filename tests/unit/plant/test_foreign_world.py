@@ -9,6 +9,7 @@ from phalanx_plant.world.world import World
 
 import phalanx
 from phalanx.extend import WorldAgent
+from phalanx.schema import registry
 from phalanx.testing import WorldMistakeError, check_world
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import advanced
@@ -192,3 +193,11 @@ def test_a_shipped_world_that_cannot_start_says_why_before_a_run():
     table = 'world={ type = "mujoco", failures = [{ at = 1.0, agent = "9" }] }'
     with pytest.raises(phalanx.ScenarioError, match="world: failures: expected names of agents"):
         phalanx.load("worlds/rovers", [table])
+
+
+def test_a_world_of_a_package_that_is_not_installed_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(registry, "entry_points", lambda group: ())
+    registry._installed.cache_clear()
+    with pytest.raises(phalanx.ScenarioError, match=r"pip install \./packages/phalanx-worlds"):
+        phalanx.load("worlds/rovers")
+    registry._installed.cache_clear()
