@@ -14,6 +14,8 @@ High-Relative-Degree Safety Constraints*. Safe is ``h <= 0`` throughout.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from phalanx.extensions import extras_named
+
 if TYPE_CHECKING:
     from phalanx import metrics
     from phalanx.faults.commands import Command, CommandKind, CommandPolicy
@@ -103,7 +105,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = _HOMES[name].partition(":")
-    value = importlib.import_module(module)
+    with extras_named():
+        value = importlib.import_module(module)
     if module != f"{__name__}.{name}":  # a package of ours is its own value
         value = getattr(value, attribute or name)
     globals()[name] = value

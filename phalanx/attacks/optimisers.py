@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from phalanx.attacks.knobs import Point
+from phalanx.extensions import extras_named
 from phalanx.seeded.draws import Draws
 
 _STALE = 8
@@ -94,12 +95,8 @@ def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
 
 
 def _cma(space: Asked, seed: int, batch: int | None) -> Any:
-    try:
+    with extras_named():
         from cmaes import CatCMAwM
-    except ImportError as error:
-        raise ImportError(
-            "cma-es needs cmaes: pip install '.[attack]', or take --optimiser random"
-        ) from error
     sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
     if space.numbers:
         mean = np.full(space.numbers, 0.5)

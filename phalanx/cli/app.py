@@ -12,7 +12,14 @@ from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant, tap
 from phalanx.cli.run import run
 from phalanx.cli.runs import runs, scenarios, verify
-from phalanx.extensions import REINSTALL, Registered, commands
+from phalanx.extensions import (
+    PACKAGES,
+    REINSTALL,
+    MissingExtensionError,
+    Registered,
+    commands,
+    extras_named,
+)
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 
@@ -105,7 +112,11 @@ def status(arguments: list[str]) -> int:
         # The core's commands need not wait for extensions, and work if an extension is broken.
         if arguments[:1] != ["--version"] and not _has_command(app, arguments):
             app = extended()
-        found = int(app(with_factor(arguments), standalone_mode=False) or 0)
+            if arguments[:1] and arguments[0] in PACKAGES and not _has_command(app, arguments):
+                package = PACKAGES[arguments[0]]
+                raise MissingExtensionError(f"needs {package}: pip install ./packages/{package}")
+        with extras_named():
+            found = int(app(with_factor(arguments), standalone_mode=False) or 0)
         if found == STOPPED:
             interrupt.raise_pending()  # typer turned the KeyboardInterrupt into a status
         return found
@@ -122,6 +133,9 @@ def status(arguments: list[str]) -> int:
             raise
         echo_error(error)
         return expected
+    except MissingExtensionError as error:
+        echo_error(error)
+        return FAILED
     except (MemoryError, ImportError, SystemError) as error:
         # Under a tight limit often a library's file cannot be mapped, or CPython raises a
         # SystemError in place of a MemoryError.

@@ -19,7 +19,7 @@ from phalanx.cli.options import (
     Seed,
     Speed,
 )
-from phalanx.extensions import extension
+from phalanx.extensions import MissingExtensionError, extension
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 from phalanx.launcher.streams import echo, echo_error
@@ -252,5 +252,5 @@ def _write_report(finished: "Run") -> None:
         with spinner("drawing the report") as show:
             written = finished.report(show)
         echo(f"report: {written}")
-    except (UnreadableRecordingError, OSError) as error:
+    except (UnreadableRecordingError, MissingExtensionError, OSError) as error:
         echo_error(f"no report: {error}")

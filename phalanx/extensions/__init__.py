@@ -5,7 +5,8 @@ takes the typer app. In `phalanx.extensions` it registers optional functions by 
 core uses: the report, the page, identities. The core imports none of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
@@ -16,15 +17,50 @@ REINSTALL = (
 )
 """Advice where an installation is older than the code."""
 
+EXTRAS: Mapping[str, str] = {
+    "matplotlib": "view",
+    "PIL": "view",
+    "trimesh": "view",
+    "viser": "view",
+    "websockets": "view",
+    "cmaes": "lab",
+    "polars": "lab",
+    "foxglove_schemas_protobuf": "foxglove",
+    "google": "foxglove",
+    "mcap_protobuf": "foxglove",
+    "cryptography": "hosts",
+    "distributed": "dask",
+    "rerun": "rerun",
+}
+"""The extra of Phalanx that brings a library, by the library's module."""
+PACKAGES: Mapping[str, str] = {"certify": "phalanx-certify", "ros2": "phalanx-ros2"}
+"""The package of this repository that brings a command, by the command."""
+
 
 class MissingExtensionError(ImportError):
-    """No installed package offers the extension that the message names."""
+    """What the message names is not installed."""
+
+
+@contextmanager
+def extras_named() -> Iterator[None]:
+    """Say which extra brings a library that an import in the block lacks.
+
+    Raises MissingExtensionError.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if extra := EXTRAS.get(str(error.name).partition(".")[0]):
+            words = f"needs {error.name}: pip install '.[{extra}]'"
+            raise MissingExtensionError(words) from error
+        raise
 
 
 def extension(name: str) -> Any:
     """Load the extension of this name. Raises MissingExtensionError, or as its import does."""
     for found in entry_points(group=EXTENSIONS, name=name):
-        return found.load()
+        with extras_named():
+            return found.load()
     raise MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
 
 

@@ -10,19 +10,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
-import typer
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from phalanx.messages.credentials import AUTHORITY, CERTIFICATE, PRIVATE_KEY
 from phalanx.messages.keys import HUBS
-
-try:
-    from cryptography import x509
-    from cryptography.hazmat.primitives import hashes, serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-except ImportError as error:
-    needed = "TLS identities need cryptography: pip install '.[hosts]'"
-    raise typer.BadParameter(needed) from error
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 

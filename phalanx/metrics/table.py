@@ -5,6 +5,7 @@ from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
+from phalanx.extensions import extras_named
 from phalanx.metrics.measures import Thresholds, Value, metrics_of_agents
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.swarm.swarm import Swarm
@@ -112,8 +113,8 @@ def metrics_table(
     own: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> "pl.DataFrame":
     """Return the metrics as a data frame; own: more of them by name, by agent."""
-    import polars as pl
-
+    with extras_named():
+        import polars as pl
     from phalanx.recording.tables import of_run
 
     found = metrics_of(recording, swarm, limits)

@@ -6,15 +6,18 @@ Each begins with run, scenario and seed, so that tables of several runs can be c
 from collections.abc import Sequence
 
 import numpy as np
-import polars as pl
 
 from phalanx.arrays import Array
+from phalanx.extensions import extras_named
 from phalanx.guarantee.verdict import Summary
 from phalanx.messages.step_report import QUANTITIES
 from phalanx.profile import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import added
+
+with extras_named():
+    import polars as pl
 
 
 def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:

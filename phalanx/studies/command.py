@@ -227,15 +227,13 @@ def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
     None, is yielded. Workers need this version of Phalanx, one thread each, and
     `distributed.worker.daemon: false` to repeat runs as processes.
 
-    Raises ImportError without the extra `dask`, OSError if the scheduler does not answer.
+    Raises ModuleNotFoundError without the extra `dask`, OSError if the scheduler does not answer.
     """
     if scheduler is None:
         yield None, 0
         return
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise ImportError("--dask needs distributed: pip install '.[dask]'") from error
+    from distributed import Client
+
     where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     with Client(**where, set_as_default=False, timeout=10) as client:
         threads = sum(client.nthreads().values())

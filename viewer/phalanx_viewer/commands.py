@@ -1,6 +1,5 @@
 """phalanx view, viewer and export: a run on a page, live or recorded, and as one file."""
 
-import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -158,8 +157,6 @@ def export(
         raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in wanted)}")
     if at is not None and png is None:
         raise typer.BadParameter("--at: expected --png with it")
-    if rerun is not None and importlib.util.find_spec("rerun") is None:
-        raise typer.BadParameter("--rerun: needs rerun-sdk: pip install '.[rerun]'")
     configure_logging()
     try:
         for option, path in files.items():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.cli import app
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.extensions import MissingExtensionError, extension
 
@@ -90,3 +91,32 @@ def test_what_an_extension_offers_is_found_by_its_name(install):
     assert extension("answer") == 42
     with pytest.raises(MissingExtensionError, match="'question'"):
         extension("question")
+
+
+@pytest.mark.parametrize(
+    ("library", "module", "command", "extra"),
+    [
+        (
+            "cryptography",
+            "phalanx.hosts.authority",
+            ["keys", "k", "--scenario=unicycles"],
+            "hosts",
+        ),
+        ("polars", "phalanx.studies.study", ["study", "unicycles"], "lab"),
+    ],
+)
+def test_a_command_without_its_library_says_which_extra_brings_it(
+    library, module, command, extra, monkeypatch, capsys
+):
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    assert status(command) == 3
+    assert capsys.readouterr().err == f"needs {library}: pip install '.[{extra}]'\n"
+
+
+def test_a_command_of_a_package_that_is_not_installed_says_which(monkeypatch, capsys):
+    monkeypatch.setattr(app, "commands", list)
+    assert status(["certify", "runs/x"]) == 3
+    assert (
+        "needs phalanx-certify: pip install ./packages/phalanx-certify" in capsys.readouterr().err
+    )

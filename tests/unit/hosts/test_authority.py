@@ -3,12 +3,8 @@
 import datetime
 import os
 import stat
-import sys
 from pathlib import Path
 
-import pytest
-
-from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.hosts.authority import make_identities
 from phalanx.messages.keys import PLANT
 
@@ -23,12 +19,3 @@ def test_nobody_but_their_owner_can_read_keys_or_look_into_their_folders(tmp_pat
     assert stat.S_IMODE((tmp_path / "keys").stat().st_mode) == 0o700
     assert modes == {path: 0o700 if path.is_dir() else 0o600 for path in modes}
     assert len(modes) == 2 + 3 + 3, "two folders; the authority's key is in none"
-
-
-def test_without_its_library_phalanx_keys_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "cryptography", None)
-    monkeypatch.delitem(sys.modules, "phalanx.hosts.authority")
-    assert status(["keys", "keys", "--scenario", "unicycles"]) == USAGE_ERROR
-    assert "need cryptography: pip install '.[hosts]'" in capsys.readouterr().err
