@@ -6,7 +6,7 @@ python examples/commands.py
 import phalanx
 from phalanx import Command, CommandKind
 
-scenario = phalanx.load("unicycles", overrides={"duration": 4.0, "safety.information": "split"})
+scenario = phalanx.load("unicycles", overrides={"duration": 4.0, "safety.information": "in-flight"})
 schedule = (
     Command(t=1.0, kind=CommandKind.LOSS, value=0.5),
     Command(t=2.0, kind=CommandKind.KILL, agent="2"),

@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from cbfpy_peer import Peer, push
 
@@ -31,7 +30,6 @@ from phalanx.network.inbox import Claim
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput
@@ -116,10 +114,6 @@ def cbfpy_step(
 ) -> Callable[[Sampled], Array]:
     """Make the same function with cbfpy; the others' inputs are computed before, and not timed."""
     swarm, peer, terms = rows.swarm, Peer(rows, i, backend), rows.terms(i)
-    composed, radius = swarm.safe_set, swarm.sensing(i)
-    everything = ca.SX.ones(len(composed.pairs))
-    chosen = everything if radius is None else composed.within(i, radius)
-    near = CompiledFunction([composed.x], [chosen])
     given = {
         now.t: (
             push(
@@ -129,11 +123,24 @@ def cbfpy_step(
                 {l: np.array(h.u) for l, h in now.received.items()},
                 now.x,
             ),
-            near(now.x)[0].ravel(),
+            in_sight(rows, i, now),
         )
         for now in steps
     }
     return lambda now: peer(now.x, now.u_nom, *given[now.t])
+
+
+def in_sight(rows: SafetyRows, i: int, now: Sampled) -> Array:
+    """Return 1 for each pair of which agent i sees both sides, else 0, shape (p,)."""
+    swarm = rows.swarm
+    members = np.isin(np.arange(len(swarm.members)), now.seen)
+    near = rows.composed.in_sight.of(swarm.members[i].dynamics, swarm.sensing(i))
+    obstacles = np.ones(len(swarm.pairs.obstacles))
+    if near is not None:
+        (obstacles,) = near(now.x[swarm.safe_set.parts[i]], swarm.pairs.parameters)
+    sides = np.concatenate([members, obstacles.ravel()])
+    active: Array = sides[swarm.pairs.every].prod(axis=1)
+    return active
 
 
 class Measured(NamedTuple):

@@ -19,17 +19,14 @@ import phalanx
 from phalanx.arrays import Array
 from phalanx.guarantee.formula import Formula
 from phalanx.recording.read import Recording
-from phalanx.scenario.safety import Composition
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.local import UNKNOWN
 
 SIMULATIONS = {"Simulation 1": "unicycles", "Simulation 2": "formation3d"}
-_SPLIT = ["safety.information=split"]
-_PAIRS = [*_SPLIT, "safety.composition=pairs"]
+_PAIRS = ["safety.information=split", "safety.composition=pairs"]
 VARIANTS = {
     "lse, `paper`": [],
-    "lse, `split`": _SPLIT,
     "pairs, `split`": _PAIRS,
     "pairs, `split`, η local": [*_PAIRS, "safety.margin=local", "safety.eta=0"],
 }
@@ -39,7 +36,7 @@ NOTES = (
     "- *η by formula*: Eq. (mainetadef) or (etaprimedef), corrected, with constants over the "
     "workspace. For pairs it is that of the pair that needs most.",
     "- *η local*: the bound proven at each sample of the first normal agent in a run of seed 0. "
-    "For pairs it is that of its closest pair.",
+    "It is that of its closest pair.",
     "- *Cost*: mean ‖u - u_nom‖².",
 )
 
@@ -89,30 +86,25 @@ def margins(name: str) -> list[str]:
     assert report.formula is not None
     assert report.pair_formula is not None
     recording = simulated(name).recording
-    of_all, of_pair = local_margins(recording, "lse"), local_margins(recording, "pairs")
+    local = _local(margins_of(recording))
     return [
         "| rows | η by formula over the workspace | η local: bounded at | median | p99 |",
         "|---|---|---|---|---|",
-        f"| one for h_tot | {_formula(report.formula)} | {_local(of_all)} |",
-        f"| one for each pair | {_formula(report.pair_formula)} | {_local(of_pair)} |",
+        f"| one for h_tot | {_formula(report.formula)} | - | - | - |",
+        f"| one for each pair | {_formula(report.pair_formula)} | {local} |",
     ]
 
 
-def local_margins(recording: Recording, composition: Composition) -> Array:
-    """The local margin at each sample of the first normal agent: of its one row, or of its closest
-    pair's.
-    """
+def margins_of(recording: Recording) -> Array:
+    """The local margin of the closest pair at each sample of the first normal agent."""
     scenario = recording.scenario
-    local = {"composition": composition, "margin": "local", "eta": 0.0}
+    local = {"composition": "pairs", "margin": "local", "eta": 0.0}
     safety = scenario.safety.model_copy(update=local)
     rows = build_rows(build_swarm(scenario.model_copy(update={"safety": safety})))
     swarm = rows.swarm
     i = swarm.normal[0]
     states = {state.t: np.array(state.x) for state in recording.states}
     sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
-    if composition == "lse":
-        one = rows.terms(i)
-        return np.array([one(x, swarm.seen(i, x)).margin for x in sampled])
     each = rows.pair_terms(i)
     found = (each(x, swarm.seen(i, x)) for x in sampled)
     return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in found])

@@ -16,8 +16,8 @@ from phalanx.theory.rows.origin import EMPTY
 _VARIANTS = {
     "paper, η = 5": ["safety.eta=5.0"],
     "paper, η = 0.5": [],
-    "corrected, η = 0.5": ["safety.margin=corrected"],
-    "local": ["safety.margin=local", "safety.eta=0", "safety.information=worst-case"],
+    "corrected, η = 0.5": ["safety.composition=pairs", "safety.margin=corrected"],
+    "local": ["safety.composition=pairs", "safety.margin=local", "safety.eta=0"],
 }
 
 
@@ -39,8 +39,8 @@ def main() -> None:
 
 def largest_psi_1(recording: Recording) -> float:
     """The largest ψ_1 at any event of a run."""
-    evaluate = build_rows(build_swarm(recording.scenario)).terms_of_all(0.0)
-    return float(np.max([evaluate(np.array(state.x)).psi[1] for state in recording.states]))
+    psi = build_rows(build_swarm(recording.scenario)).invariants()
+    return float(np.max([psi(np.array(state.x))[1] for state in recording.states]))
 
 
 if __name__ == "__main__":

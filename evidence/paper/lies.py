@@ -19,7 +19,7 @@ import argparse
 from collections.abc import Iterator
 
 import numpy as np
-from stale_input import certificates, words
+from stale_input import certificates, rows_with, words
 from variants import simulated
 
 import phalanx
@@ -56,7 +56,7 @@ def main() -> None:
             overrides = [
                 f"duration={options.duration}",
                 "network.delay=0.0",
-                f"safety.information={model}",
+                *rows_with(model),
                 f"faults=[{declared if fields else ''}]",
             ]
             if options.turns is not None:

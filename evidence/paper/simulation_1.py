@@ -22,7 +22,6 @@ from seeds import (
 VARIANTS = {
     "paper": Variant("paper", "unicycles", ("safety.information=paper",)),
     "no-margin": Variant("paper, η = 0", "unicycles", ("safety.information=paper", "safety.eta=0")),
-    "split": Variant("split", "unicycles", ("safety.information=split",)),
 }
 
 

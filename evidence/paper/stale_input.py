@@ -1,7 +1,7 @@
 """False certificates: how often, and how far, a row held that did not hold jointly.
 
     python evidence/paper/stale_input.py                                  # two agents
-    python evidence/paper/stale_input.py --scenario unicycles --seeds 2   # Simulation 1
+    python evidence/paper/stale_input.py --scenario unicycles --seeds 2 --models paper,in-flight
 
 After each update the recording says which inputs are in force; with them
 J = Σ drift + Σ_N c_l u_l + Σ_A max c_j u + α_q(ψ_{q-1}) + η must not be above 0. An update is a
@@ -80,7 +80,7 @@ def main() -> None:
     jobs = list(itertools.product(delays, models, losses, range(options.seeds)))
     for delay, model, loss, seed in track(jobs, "running", console=Console(stderr=True)):
         network = [f"network.delay={delay}", f"network.loss={loss}"]
-        overrides = [*options.overrides, f"safety.information={model}", *network]
+        overrides = [*options.overrides, *rows_with(model), *network]
         of_run = certificates(simulated(options.scenario, overrides, seed).recording)
         found[delay, model] = found[delay, model].joined(of_run)
     print(f"| delay [s] | {' | '.join(f'`{model}`' for model in models)} |")
@@ -88,6 +88,12 @@ def main() -> None:
     for delay in delays:
         print(f"| {delay} | {' | '.join(words(found[delay, model]) for model in models)} |")
     print(f"\n{sum(c.steps for c in found.values())} steps of normal agents.")
+
+
+def rows_with(model: str) -> tuple[str, str]:
+    """Return the overrides of an information model; halves are of a pair, and J of two agents."""
+    composition = "pairs" if model == "split" else "lse"
+    return f"safety.information={model}", f"safety.composition={composition}"
 
 
 def words(found: Certificates) -> str:

@@ -27,7 +27,7 @@ VARIANTS = {
     "paper": [],
     "centralised": ["safety.control=centralised"],
     "in-flight": ["safety.information=in-flight"],
-    "split": ["safety.information=split"],
+    "split": ["safety.composition=pairs", "safety.information=split"],
     "worst-case": ["safety.information=worst-case"],
 }
 """Overrides by name. All run with synchronous clocks if --synchronous is given."""
@@ -103,7 +103,7 @@ def measure(run: phalanx.Run) -> Measured:
     swarm = build_swarm(recording.scenario)
     steps = sum(summary.origins.values())
     normal = {swarm.names[i] for i in swarm.normal}
-    one = recording.scenario.safety.control == "centralised"
+    one = recording.scenario.safety.centralised
     times: dict[tuple[float, str], float] = defaultdict(float)
     for step in recording.steps:
         if step.agent in normal:

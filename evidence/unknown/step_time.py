@@ -27,7 +27,7 @@ def main() -> None:
     """Print the median time and the median ratio of rounds taken in turns."""
     print("| scenario | " + " | ".join(f"{name} [µs]" for name in VARIANTS) + " |")
     print("|---" * (1 + len(VARIANTS)) + "|")
-    for scenario in ("unicycles", "guaranteed", "formation3d-distance", "swarm2d"):
+    for scenario in ("guaranteed", "formation3d-distance", "swarm2d"):
         run = phalanx.run(phalanx.load(scenario, {"duration": 3.0}), engine="in-process")
         states = run.states.drop("run", "scenario", "seed", "t").to_numpy()
         states = states[:, : build_swarm(run.scenario).pairs.states]

@@ -66,7 +66,10 @@ class Case(NamedTuple):
 
     def points(self) -> Iterator[dict[str, Any]]:
         """Yield the fields of each point of the study."""
+        pairwise = phalanx.load(self.scenario).safety.pairwise
         for information, prove in itertools.product(INFORMATION, (False, True)):
+            if information == "split" and not pairwise:
+                continue
             for name, faults in self.attacks():
                 if name not in LIES or (information in BELIEVES and not prove):
                     yield fields(information, prove, faults)

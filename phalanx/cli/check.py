@@ -31,7 +31,7 @@ def check(
 
       phalanx check unicycles
       phalanx check unicycles --set safety.margin=local --set safety.eta=0
-      phalanx check unicycles --set network.loss=0.3 --set safety.information=split
+      phalanx check unicycles --set network.loss=0.3 --set safety.information=in-flight
     """
     import phalanx
     from phalanx.cli.display import spinner

@@ -39,7 +39,6 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.rows.composed import Bound
 from phalanx.theory.rows.decision import NotANumberError
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
@@ -146,7 +145,7 @@ def _price(rows: SafetyRows) -> list[str]:
     """Return a sentence on what it costs at x(0) that agents read no roles."""
     if rows.swarm.safety.information.reads_roles:
         return []
-    shared = with_safety(rows.swarm, information=Information.SPLIT)
+    shared = with_safety(rows.swarm, composition="pairs", information=Information.SPLIT)
     try:
         own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
     except NotANumberError as error:
@@ -155,7 +154,7 @@ def _price(rows: SafetyRows) -> list[str]:
     return [
         "No agent reads a role: each counts everyone else at worst. At the start "
         f"{sum(able)} of {len(able)} agents have an input in K_i, and inputs are {own} from "
-        f"nominal ones, on average; with safety.information = 'split' {split}."
+        f"nominal ones, on average; with halves of pairs, information = 'split', {split}."
     ]
 
 
@@ -194,10 +193,8 @@ def _boundary_condition(
     return BoundaryCondition(states, worst) if states else None
 
 
-def _largest_margin(rows: SafetyRows) -> float | Bound:
+def _largest_margin(rows: SafetyRows) -> float:
     """Return the largest margin of the normal agents' rows for h_tot; 0 if computed in the run."""
-    if rows.swarm.safety.computes_margin:
-        return lambda x, seen: 0.0
     return max(rows.margin(i).eta for i in rows.swarm.normal)
 
 

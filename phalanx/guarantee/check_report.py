@@ -141,8 +141,6 @@ def proof_gaps(swarm: Swarm) -> list[str]:
         f"safety.alpha be at most {steepest:.3g}, or clocks be faster": (
             safety.limits_alpha and _steepness(swarm) > _steepest(swarm)
         ),
-        "agents compute their shares of one row for all pairs from different samples: set "
-        "safety.composition = 'pairs'": safety.shares_one_row,
         "with safety.neighbourhood, or sensing, each agent's condition changes as others come and "
         "go: leave it out": swarm.limited,
         "one controller needs agents that sample together: one clock.period, no clock.jitter": (
@@ -297,7 +295,7 @@ def _received_input_advice(swarm: Swarm) -> list[str]:
             "safety.information = 'paper' assumes that each neighbour applies the last input "
             "received of it. With any delay or loss, or if two agents sample at one instant, the "
             "neighbour may apply another one: each agent's row holds, but not the joint condition. "
-            "Take 'in-flight', 'split' or 'unknown'."
+            "Take 'in-flight' or 'unknown', or 'split' with composition = 'pairs'."
         )
     if turned := _trusted_attackers(swarm):
         words.append(
@@ -309,8 +307,8 @@ def _received_input_advice(swarm: Swarm) -> list[str]:
         words.append(
             f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
             f"applied, and safety.information = '{swarm.safety.information}' uses these claims: "
-            "each agent's row holds, but not the joint condition. Take 'split', which uses no "
-            "received inputs, or 'unknown', where rows hold even if other agents violate theirs."
+            "each agent's row holds, but not the joint condition. Take 'split' with pairs, which "
+            "uses no received inputs, or 'unknown', where rows hold even if others violate theirs."
         )
     return words
 

@@ -87,8 +87,6 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     if swarm.safety.pairwise:
         sharing = swarm.normal if swarm.safety.joint else ()
         return _pairs_feasible(rows.pair_terms(i)(x, seen, sharing), terms.polytopes[i])
-    if (margin := rows.share_margin(i)) is not None:
-        return joint_sum(terms, swarm.normal) + margin(x, terms, swarm.normal) <= 0
     return joint_sum(terms, swarm.normal if swarm.safety.joint else (i,)) <= 0
 
 

@@ -184,8 +184,8 @@ class Scenario(Strict):
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
             self._check_leaders(index, names)
-            if group.role == "normal" and group.sensing and self.safety.needs_all_states:
-                message = "expected no value: with this safety.control and information all is seen"
+            if group.role == "normal" and group.sensing and self.safety.centralised:
+                message = "expected no value: with safety.control = 'centralised' all is seen"
                 raise field_error(("agents", index, "sensing"), message, group.sensing)
             if group.controller is not None and self.safety.centralised:
                 message = (

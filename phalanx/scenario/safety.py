@@ -33,7 +33,6 @@ MarginField = Annotated[
     Annotated[str, Tag(WORD)] | Annotated[Table, Tag(TABLE)],
     Discriminator(lambda value: TABLE if isinstance(value, dict) else WORD),
 ]
-_OF_ANY_ROW = ("paper", "corrected", "local")
 
 
 class Safety(Strict):
@@ -51,10 +50,9 @@ class Safety(Strict):
     composition: Composition = "lse"
     """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
     margin: MarginField = "paper"
-    """The margin η: paper; corrected, with L_φ ψ_k for every k >= 1; or a bound computed at each
-    sample, without eta and xi: local for any row, or the smaller integrated for one row for each
-    pair with a linear α_q. Or a user's own for one row for each pair,
-    { type = "package.module:Name", ... }."""
+    """The margin η: paper; or for one row for each pair corrected, with L_φ ψ_k for every k >= 1,
+    or a bound computed at each sample, without eta and xi: local, or the smaller integrated for a
+    linear α_q. Or a user's own for one row for each pair, { type = "package.module:Name", ... }."""
     eta: Annotated[
         Annotated[NonNegative, Tag(NUMBER)] | Annotated[MarginConstants, Tag(TABLE)],
         Discriminator(number_or_table),
@@ -68,8 +66,7 @@ class Safety(Strict):
     """A normal agent without a received broadcast for longer counts as an adversary [s]."""
     neighbourhood: Positive | None = None
     """Sensing radius of normal agents whose group has none [m]: an agent composes the pairs that
-    it sees. Default: no limit. A centralised controller sees everything, and so do agents that
-    share one condition."""
+    it sees. Default: no limit. A centralised controller sees everything."""
     watch: bool = False
     """Whether agents hold the inputs that others announce against where these go, and convict those
     that no disturbance within its bound explains."""
@@ -108,9 +105,12 @@ class Safety(Strict):
             raise field_error(
                 ("eta",), "expected a value, or margin = 'local' or 'integrated'", None
             )
-        if self.margin_name not in _OF_ANY_ROW and self.composition == "lse":
-            message = "expected composition = 'pairs', or another margin: it is of a pair's row"
+        if self.margin_name != "paper" and not self.pairwise:
+            message = "expected 'paper', or composition = 'pairs': see docs/retired.md"
             raise field_error(("margin",), message, self.margin)
+        if self.information.shares and not (self.pairwise or self.centralised):
+            message = "expected another, or composition = 'pairs': see docs/retired.md"
+            raise field_error(("information",), message, self.information.value)
         self._function = built("function", SafeSetFunction, self.function)
         if isinstance(self._function, HeadingAware) and not self.information.reads_roles:
             message = "expected another: h of 'heading-aware' depends on declared roles"
@@ -137,16 +137,6 @@ class Safety(Strict):
     def joint(self) -> bool:
         """True if rows assume the best effort of all normal agents: by shares, or centralised."""
         return self.centralised or self.information.shares
-
-    @property
-    def shares_one_row(self) -> bool:
-        """True if normal agents share the one condition on h_tot."""
-        return self.information.shares and not (self.pairwise or self.centralised)
-
-    @property
-    def needs_all_states(self) -> bool:
-        """True if normal agents must see every state, since they share one condition."""
-        return self.shares_one_row or self.centralised
 
     @property
     def counts_on_received(self) -> bool:
@@ -184,11 +174,6 @@ class Safety(Strict):
     def bounds_margin(self) -> bool:
         """True if the margin is a proven bound, computed at each sample."""
         return self.margin_name in ("local", "integrated")
-
-    @property
-    def bounds_one_row(self) -> bool:
-        """True if the margin is a bound of the one row for h_tot."""
-        return self.computes_margin and not self.pairwise
 
     @property
     def limits_alpha(self) -> bool:

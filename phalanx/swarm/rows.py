@@ -19,11 +19,9 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.local import LocalBound, local_margin
 from phalanx.theory.margins.margin import AgentMargin, MarginConstants
 from phalanx.theory.models.polytope import EmptyPolytopeError
-from phalanx.theory.rows.by_derivatives import TermsByDerivatives
-from phalanx.theory.rows.composed import Bound, ComposedTerms, SwarmTerms
+from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.safety_filter import (
@@ -32,7 +30,6 @@ from phalanx.theory.rows.safety_filter import (
     SafetyFilter,
     Unfiltered,
 )
-from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import PairFunctions
@@ -47,7 +44,6 @@ class SafetyRows:
     """h_tot from its pairs."""
     _row_functions: dict[object, PairRowFunction] = field(default_factory=dict, compare=False)
     """Rows by kind of pair, side, groups (with bounds and clocks), part of the row, symbols."""
-    _local_bounds: dict[int, LocalBound] = field(default_factory=dict, compare=False)
     _views: "dict[int, SafetyRows]" = field(default_factory=dict, compare=False)
     """Rows of the swarm as agents know it that read no role."""
 
@@ -55,8 +51,8 @@ class SafetyRows:
     def chain(self) -> Chain:
         """Chain of h_tot as one expression of all states, which grows with the swarm's square.
 
-        Used for bounds over a box: the margin `local` of a row for h_tot, and the constants of the
-        paper's formula. Values at a state are computed from pairs instead.
+        Used for bounds over a box, the constants of the paper's formula. Values at a state are
+        computed from pairs instead.
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
@@ -68,13 +64,13 @@ class SafetyRows:
         if swarm.pairs is self.swarm.pairs:
             vars(other).update({**known, "swarm": swarm, "_views": views})
             return other
-        # The chain and local bounds contain the obstacles' numbers, and are built again.
+        # The chain contains the obstacles' numbers, and is built again.
         moved: dict[str, Any] = {
             name: known[name].with_pairs(swarm.pairs)
-            for name in ("composed", "_by_derivatives", "pair_psi")
+            for name in ("composed", "pair_psi")
             if name in known
         }
-        vars(other).update({**moved, "_local_bounds": {}, "_views": views})
+        vars(other).update({**moved, "_views": views})
         return other
 
     def seen_by(self, i: int) -> "SafetyRows":
@@ -102,8 +98,7 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not safety.pairwise:
-            margin = self.share_margin(i)
-            return ComposedFilter(i, information, self._qp(i), safety.authority, margin)
+            return ComposedFilter(i, information, self._qp(i), safety.authority)
         return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
@@ -115,36 +110,11 @@ class SafetyRows:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         if swarm.members[i].adversary or swarm.safety.pairwise:
             return self.composed.of(i, radius)
-        margin = self._local(i) if swarm.safety.bounds_one_row else self.margin(i).eta
-        return self.composed.of(i, radius, margin, self._by_kind)
+        return self.composed.of(i, radius, self.margin(i).eta)
 
-    def terms_of_all(self, margin: float | Bound) -> ComposedTerms:
-        """Return the terms of h_tot of all pairs, with this margin."""
-        return self.composed.of(self.swarm.normal[0], None, margin, self._by_kind)
-
-    def _local(self, i: int) -> LocalBound:
-        """Return the local margin of agent i's row for h_tot."""
-        if i not in self._local_bounds:
-            composed, radius = self.swarm.safe_set, self.swarm.sensing(i)
-            active = None if radius is None else composed.within(i, radius)
-            margin = self.margin(i)
-            bounds = margin.bounds_of(self.chain)
-            bound = local_margin(self.chain, i, margin.horizon, bounds, RowPart.WHOLE, active)
-            self._local_bounds[i] = LocalBound(composed, margin.eta + bound)
-        return self._local_bounds[i]
-
-    @cached_property
-    def _by_derivatives(self) -> TermsByDerivatives:
-        """Chain of h_tot from pairs of each kind, with the same D_k as `chain`."""
-        safety, bounds = self.swarm.safety, self.swarm.disturbance_bounds
-        printed = not safety.counts_disturbance
-        return self.composed.by_derivatives(safety.xi_of_chain, list(bounds.values()), printed)
-
-    @property
-    def _by_kind(self) -> TermsByDerivatives | None:
-        """The chain that rows for h_tot use if it has a D_k, for q > 1; else None."""
-        printed = self.relative_degree == 1 or not self.swarm.safety.counts_disturbance
-        return None if printed else self._by_derivatives
+    def terms_of_all(self, margin: float) -> ComposedTerms:
+        """Return the terms of h_tot of all pairs, as printed, with this margin."""
+        return self.composed.of(self.swarm.normal[0], None, margin)
 
     def own_pair(self, i: int, other: int, plain: bool = False) -> OwnPair:
         """Return the pair of normal agent i and another member, or N + k for obstacle k.
@@ -220,12 +190,6 @@ class SafetyRows:
             bounds=self.swarm.disturbance_bounds,
         )
 
-    def share_margin(self, i: int) -> ShareMargin | None:
-        """Return the margin of agent i's share of h_tot's condition; None if it has no share."""
-        if not self.swarm.safety.shares_one_row:
-            return None
-        return ShareMargin(self._by_derivatives, self.swarm.horizon(i))
-
     def invariants(self, of_all: bool = False) -> Callable[[Array], Array]:
         """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as the scenario composes them.
 
@@ -236,12 +200,9 @@ class SafetyRows:
             psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
         if of_all or (safety.information.reads_roles and not swarm.limited):
-            return self.composed.of(swarm.normal[0], None, by_kind=self._by_kind).psi
+            return self.terms_of_all(0.0).psi
         # With limited sensing, or its own pairs alone, every agent composes its own set.
-        views = [
-            (i, view.composed.of(i, swarm.sensing(i), by_kind=view._by_kind))
-            for i, view in [(i, self.seen_by(i)) for i in swarm.normal]
-        ]
+        views = [(i, self.seen_by(i).composed.of(i, swarm.sensing(i))) for i in swarm.normal]
         return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
 
     def _eta(self, i: int) -> float:

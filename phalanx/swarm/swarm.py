@@ -155,7 +155,7 @@ class Swarm:
         safety, own = self.safety, self.groups[i].sensing
         if self.members[i].adversary:
             return own
-        return None if safety.needs_all_states else own or safety.neighbourhood
+        return None if safety.centralised else own or safety.neighbourhood
 
     @cached_property
     def programs(self) -> Mapping[str, tuple[str, ...]]:

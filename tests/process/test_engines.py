@@ -61,7 +61,7 @@ VARIANTS = {
     "one controller": {"safety.control": "centralised"},
     "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},
     "undeclared adversaries": {"safety.information": "unknown"},
-    "proven inputs": {"safety.prove": True, "safety.information": "split"},
+    "proven inputs": {"safety.prove": True, "safety.information": "in-flight"},
     "agents that come and go": {"safety.neighbourhood": 4.7, "agents.1.sensing": 7.6},
     "another seed on the way": {
         "network.loss": {"mean": 0.3, "burst": 3.0},

@@ -69,7 +69,7 @@ def test_the_log_says_when_who_lied_first(tmp_path):
 @pytest.mark.parametrize("information", ["split", "worst-case"])
 @pytest.mark.parametrize("name", FALSE)
 def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
-    believing = {"safety.information": information}
+    believing = believes(information)
     lied_to = run(name, tmp_path / "lie", **believing).summary
     honest = run(name, tmp_path / "truth", **believing, faults=[]).summary
     assert lied_to.trajectory == honest.trajectory
@@ -77,10 +77,16 @@ def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
     assert lied_to.faults[0].count > 0
 
 
+def believes(information: str) -> dict[str, str]:
+    """Whom an agent believes; halves are of pairs."""
+    composition = "pairs" if information == "split" else "lse"
+    return {"safety.information": information, "safety.composition": composition}
+
+
 def attacked(information: str, folder, **overrides) -> phalanx.Run:
     """Agent 2 of two turns at 0.3 s, drives at agent 1, and says that it flees."""
     lie = {"kind": "lie", "agent": LIAR, "for": 9.0, "says": "opposite"}
-    table = {"duration": 1.5, "network.delay": 0.0, "safety.information": information}
+    table = {"duration": 1.5, "network.delay": 0.0, **believes(information)}
     scenario = phalanx.load("stale-inputs", {**table, "faults": [lie], **overrides})
     turn = phalanx.Command(0.3, phalanx.CommandKind.TURN, LIAR)
     commands = phalanx.CommandPolicy(schedule=(turn,))
@@ -110,7 +116,7 @@ def test_worst_case_alone_keeps_off_a_member_that_lies_and_attacks(tmp_path):
 @pytest.mark.parametrize("information", ["paper", "in-flight", "split"])
 def test_a_guarantee_beside_a_liar_is_confirmed_by_who_hears_no_broadcast(information, tmp_path):
     """The checker is given states and applied inputs alone."""
-    found = run("input", tmp_path, **{"safety.information": information})
+    found = run("input", tmp_path, **believes(information))
     assert found.verdict is phalanx.Outcome.GUARANTEED
     recording = found.recording
     assert certify(found.scenario, recording.states, recording.steps)

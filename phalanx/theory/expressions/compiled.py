@@ -162,10 +162,6 @@ class MappedFunction:
         found = native(self._function)
         return (found.function if found else self._function).map(count)
 
-    def differentiable(self, count: int) -> ca.Function:
-        """The same with derivatives, which CasADi takes of no machine code."""
-        return self._function.map(count)
-
     def _view(self, count: int) -> _View:
         capacity = rounded_up(count)
         if capacity not in self._bound:

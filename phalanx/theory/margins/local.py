@@ -10,21 +10,16 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from phalanx.arrays import Array
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.margins.enclosure import enclose_all, scalars, within
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
-from phalanx.theory.safety.composition import ComposedSet
 
 UNKNOWN = ca.inf
 """The margin if there is no enclosure, or if h can jump: no row holds with it."""
 
 _INFLATIONS = (0.2, 0.1)
-_FAR = 1e6
-"""Distance assumed for members that are not seen, too far away to count [m]."""
 
 
 def local_margin(
@@ -33,34 +28,29 @@ def local_margin(
     horizon: float | ca.SX,
     bounds: Sequence[float],
     part: RowPart,
-    active: ca.SX | None = None,
 ) -> ca.SX:
     """Bound on the growth of agent i's row, scalar, an expression of the sampled state.
 
     Args:
-        chain: of one pair or of a composed set, its D_q included.
+        chain: of one pair, its D_q included.
         i: place of the member with this row.
         horizon: τ = Γ_i + δ_i^max and the latency [s].
         bounds: φ_l^max of each member.
         part: of the condition that the row keeps.
-        active: pairs that count, as in ComposedSet.substitute.
 
     Raises:
         ValueError: a member's U_l depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
     moving = enclose_all(chain.set, bounds, horizon, _INFLATIONS)
-    # σ and the active pairs are fixed at the sample.
-    kept, numbers = scalars([chain.set.sigma, chain.set.active]), scalars([chain.set.parameters])
-    values = [chain.set.substitute(symbol, active) for symbol in kept]
-    fixed, symbols, intervals = within(moving, i, [*kept, *numbers], [*values, *numbers])
+    numbers = scalars([chain.set.parameters])
+    fixed, symbols, intervals = within(moving, i, numbers, numbers)
 
     share = part.value
     slope = ca.jacobian(_row(chain, i, fixed, part), chain.set.x)
     rates = ca.vertcat(*[e.rate + e.phi for e in moving])
     growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
-    forces = [chain.set.substitute(c, active) for c in chain.actuation]
-    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))
+    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
     # Comparisons are false for NaN, which max would ignore.
     known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
@@ -71,29 +61,6 @@ def local_margin(
     for e in moving:
         known = ca.logic_and(e.certain, known)
     return ca.if_else(ca.logic_and(known, smooth), bound, UNKNOWN)
-
-
-class LocalBound:
-    """The margin of one agent's row for h_tot as a number, from the members that it sees.
-
-    Unlike all other terms it is compiled from one expression of all pairs: interval arithmetic
-    needs scalar operations, and CasADi cannot expand the graph that composes kinds of pairs
-    (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes 0.4 s to build and 0.08 ms to
-    evaluate, with 62 of q = 2 6 s and 0.5 ms.
-    """
-
-    def __init__(self, composed: ComposedSet, margin: ca.SX) -> None:
-        """margin: of the stacked state, scalar."""
-        self._parts, self._margin = composed.parts, CompiledFunction([composed.x], [margin])
-
-    def __call__(self, x: Array, seen: Sequence[int]) -> float:
-        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known."""
-        far, known = x.copy(), set(seen)
-        for l, part in enumerate(self._parts):
-            if l not in known:
-                # Different places: the distance of two members in one place has no gradient.
-                far[part] = _FAR * (1 + l)
-        return float(self._margin(far)[0][0])
 
 
 def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:

@@ -103,7 +103,7 @@ class CorrectedMargin(PaperMargin):
 
 @dataclass(frozen=True)
 class LocalMargin:
-    """A bound computed at each sample, of any row."""
+    """A bound computed at each sample, of a pair's row with any α_q."""
 
     def at_sample(self, row: PairRow) -> ca.SX:
         return local_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
@@ -153,9 +153,9 @@ class AgentMargin:
         """The margin of a row as an expression of the sampled state, scalar.
 
         Args:
-            chain: of a pair, or of the composed set where the margin is the paper's or corrected.
+            chain: of a pair.
             own: the place of the row's agent among the chain's members.
-            part: of the joint condition that the row keeps.
+            part: of the pair's condition that the row keeps.
 
         Raises:
             ValueError: the margin is local or integrated, and some U_l depends on the

@@ -1,18 +1,26 @@
-"""Terms of h_tot from the derivatives of each pair's h along the drift: h, L_f h, ..., L_f^q h."""
+"""Terms of h_tot from the derivatives of each pair's h along the drift: h, L_f h, ..., L_f^q h.
 
+The places of the pairs' and members' numbers are arguments. So the function grows with the number
+of kinds only, and serves all agents that see as many of each kind.
+"""
+
+from collections.abc import Sequence
+from copy import copy
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Index
+from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction, rounded_up
-from phalanx.theory.rows.composed_function import Gathered, MembersByKind, Placed, TermsByKind
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+
+MembersByKind = Sequence[tuple[int, Sequence[int]]]
+"""(number of a kind, members of it)."""
 
 
 class _Shape(NamedTuple):
@@ -28,15 +36,35 @@ class _Shape(NamedTuple):
     """The most forces that contain one input."""
 
 
-class TermsByJets(TermsByKind):
-    """Terms of a chain without D_k, of which ψ_k are functions of the jets."""
+class _Gathered:
+    """Numbers at given places; each list of places becomes an argument of the function."""
+
+    def __init__(self) -> None:
+        self.places: list[ca.MX] = []
+
+    def __call__(self, values: ca.MX, height: int, width: int) -> ca.MX:
+        """The numbers as a matrix, with a column for each row of places."""
+        self.places.append(ca.MX.sym("places", height * width))
+        return ca.reshape(values[self.places[-1]], height, width)
+
+
+class TermsByJets:
+    """Builder of functions that compute terms, one for each number of pairs and members."""
 
     def __init__(self, pairs: SwarmPairs, members: SwarmMembers, jets: LogSumExpJets) -> None:
-        super().__init__(pairs, members)
+        self.pairs, self.members = pairs, members
+        self.numbers: Array = np.concatenate(
+            [np.zeros(pairs.states), pairs.parameters, members.corners]
+        )
+        """A function's numbers: the state, obstacles' parameters and the corners of each U."""
         self.jets, self._made = jets, cache(self._make)
 
-    def room(self, count: int) -> int:
-        return rounded_up(count)
+    def with_pairs(self, pairs: SwarmPairs) -> Self:
+        """The same functions for pairs by SwarmPairs.with_obstacles."""
+        other, numbers = copy(self), self.numbers.copy()
+        numbers[pairs.states : pairs.states + len(pairs.parameters)] = pairs.parameters
+        other.pairs, other.numbers = pairs, numbers
+        return other
 
     @cached_property
     def parts_of(self) -> list[list[MappedFunction | None]]:
@@ -53,7 +81,14 @@ class TermsByJets(TermsByKind):
         every = [part for own in self.parts_of for part in own if part]
         return list({id(part): part for part in every}.values())
 
-    def function(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
+    def function(
+        self, members: MembersByKind, pairs: ChosenPairs
+    ) -> tuple[ca.Function, list[Index]]:
+        """The function of the numbers and of places for these members and pairs; these places.
+
+        Its results: ψ_0 ... ψ_{q-1} and the unforced part; c of all members; and for each the least
+        and most of c u, or A and b of a U that varies with the state.
+        """
         q, each = self.pairs.degree, self.members
         c, count = self.layout([(each.kinds[k].inputs, own) for k, own in members], 0)
         parts, jets = _Parts(self, pairs), _Jets(self, pairs)
@@ -79,7 +114,7 @@ class TermsByJets(TermsByKind):
         return self._made(shape), tables
 
     def _make(self, shape: _Shape) -> ca.Function:
-        q, chosen = self.pairs.degree, Gathered()
+        q, chosen = self.pairs.degree, _Gathered()
         numbers = ca.MX.sym("numbers", len(self.numbers))
         known, found = [numbers], []
         for k, room in shape.parts:
@@ -94,8 +129,34 @@ class TermsByJets(TermsByKind):
         inputs = sum(self.members.kinds[k].inputs * room for k, room in shape.members)
         forces = chosen(jets, inputs, shape.most)
         c = ca.sum2(forces * chosen(ca.vec(weights), inputs, shape.most))
-        ends = self.extremes(numbers, c, shape.members, chosen)
-        return ca.Function("terms", [numbers, *chosen.places], [ca.vertcat(chain, 0.0, c, *ends)])
+        ends = self._extremes(numbers, c, shape.members, chosen)
+        return ca.Function("terms", [numbers, *chosen.places], [ca.vertcat(chain, c, *ends)])
+
+    def layout(self, sizes: MembersByKind, begin: int) -> tuple[dict[int, slice], int]:
+        """The slice of each member's numbers, from `begin` on, and their end.
+
+        sizes: (count of numbers, members with as many).
+        """
+        found: dict[int, slice] = {}
+        for size, own in sizes:
+            found |= {l: slice(begin + n * size, begin + (n + 1) * size) for n, l in enumerate(own)}
+            begin += size * rounded_up(len(own))
+        return found, begin
+
+    def _extremes(
+        self, numbers: ca.MX, c: ca.MX, rooms: Sequence[tuple[int, int]], chosen: _Gathered
+    ) -> list[ca.MX]:
+        """Least and most of c u, or A and b; rooms: (number of a kind, room for its members)."""
+        found, begin = [], 0
+        for k, room in rooms:
+            kind = self.members.kinds[k]
+            own = ca.reshape(c[begin : (begin := begin + kind.inputs * room)], kind.inputs, room)
+            if kind.polytope is None:
+                row = chosen(numbers, kind.x.numel(), room)
+            else:
+                row = ca.vertcat(own, chosen(numbers, len(kind.corners), room))
+            found.append(ca.vec(kind.extremes.mapped(room)(row)))
+        return found
 
 
 class _Jets:

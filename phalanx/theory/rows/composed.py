@@ -3,7 +3,7 @@
 The cost does not grow with the swarm: only pairs in sight are evaluated, kind by kind.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -14,18 +14,14 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.by_jets import TermsByJets
-from phalanx.theory.rows.composed_function import ComposedFunction, TermsByKind
+from phalanx.theory.rows.composed_function import ComposedFunction
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.function import Static
 from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.kinds import with_symbols
 from phalanx.theory.safety.pairs import SwarmPairs
-
-Bound = Callable[[Array, Sequence[int]], float]
-"""(x, seen) -> the margin at each state."""
 
 
 class SwarmTerms:
@@ -36,10 +32,10 @@ class SwarmTerms:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        self.pairs, self._rho, self._alphas = pairs, rho, alphas
+        self.pairs = pairs
         self.members = SwarmMembers(pairs.members, len(pairs.parameters))
         self.jets = LogSumExpJets(rho, alphas, xi)
-        self._by_jets = TermsByJets(pairs, self.members, self.jets)
+        self.by_jets = TermsByJets(pairs, self.members, self.jets)
         self.everyone = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
         self.in_sight = ObstaclesInSight(pairs.obstacles)
@@ -47,47 +43,25 @@ class SwarmTerms:
     def with_pairs(self, pairs: SwarmPairs) -> "SwarmTerms":
         """The same functions for pairs by SwarmPairs.with_obstacles."""
         other = copy(self)
-        other.pairs, other._by_jets = pairs, self._by_jets.with_pairs(pairs)
+        other.pairs, other.by_jets = pairs, self.by_jets.with_pairs(pairs)
         return other
 
-    def of(
-        self,
-        i: int,
-        radius: float | None,
-        margin: float | Bound = 0.0,
-        by_kind: TermsByKind | None = None,
-    ) -> "ComposedTerms":
+    def of(self, i: int, radius: float | None, margin: float = 0.0) -> "ComposedTerms":
         """Agent i's terms.
 
         Args:
             i: the agent.
             radius: how far it sees obstacles [m]; None for all.
-            margin: of its row: η, to which D_q is added, or a bound.
-            by_kind: builds the functions; None for a chain without D_k.
+            margin: η of its row.
         """
-        return ComposedTerms(self, i, radius, margin, by_kind or self._by_jets)
-
-    def by_derivatives(
-        self, xi: float | None, bounds: Sequence[float], printed: bool = False
-    ) -> TermsByDerivatives:
-        """A builder for chains with D_k; arguments as TermsByDerivatives has them."""
-        return TermsByDerivatives(
-            self.pairs, self.members, self._rho, self._alphas, xi, bounds, printed
-        )
+        return ComposedTerms(self, i, radius, margin)
 
 
 class ComposedTerms:
     """One agent's terms of h_tot at any state."""
 
-    def __init__(
-        self,
-        swarm: SwarmTerms,
-        i: int,
-        radius: float | None,
-        margin: float | Bound,
-        by_kind: TermsByKind,
-    ) -> None:
-        self._swarm, self._margin, self._by_kind = swarm, margin, by_kind
+    def __init__(self, swarm: SwarmTerms, i: int, radius: float | None, margin: float) -> None:
+        self._swarm, self.margin = swarm, margin
         self._own = swarm.members.states[i]
         self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
@@ -118,11 +92,6 @@ class ComposedTerms:
             self._seen, self._positions = seen, Positions(self._swarm.members, seen)
         return self._positions(x)
 
-    def margin(self, x: Array, seen: tuple[int, ...], disturbance: float) -> float:
-        """The margin of the row, with D_q of the composed pairs."""
-        margin = self._margin
-        return margin(x, seen) if callable(margin) else margin + disturbance
-
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
         return self.choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
@@ -135,7 +104,7 @@ class ComposedTerms:
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
             chosen = pairs.choose(pairs.among(seen, around))
-            self._key, self._function = key, ComposedFunction(self._by_kind, seen, chosen)
+            self._key, self._function = key, ComposedFunction(self._swarm.by_jets, seen, chosen)
         return self._function
 
 
@@ -149,10 +118,10 @@ class LazyTerms:
     most: Mapping[int, float]
     polytopes: Mapping[int, Polytope]
     positions: Mapping[int, Array]
-    margin: float
 
     def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
         self._terms, self._x, self._seen = terms, x, seen
+        self.margin = terms.margin
         if terms.known is not None:
             self.polytopes = terms.known
 
@@ -168,7 +137,6 @@ class LazyTerms:
             self.psi, self.unforced, self.c = found.psi, found.unforced, found.c
             self.least, self.most = found.least, found.most
             self.polytopes = found.polytopes
-            self.margin = terms.margin(x, seen, found.disturbance)
         return self.__dict__[name]
 
 

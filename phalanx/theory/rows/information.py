@@ -27,10 +27,8 @@ class Information(StrEnum):
     their bounds and broadcasts are true; checked too (received inputs in force, sampling gap,
     truthful broadcasts)."""
     SPLIT = "split"
-    """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
-    all normal agents compose the same h_tot. With `lse` shares are computed from different samples;
-    ShareMargin covers that to first order, and the rest, which is not proven, is left to η. With
-    `pairs` shares are constant, and each agent's own margin is enough."""
+    """No û: each agent keeps one half of the condition of each pair of normal agents. Sound for any
+    delay and loss, as halves are constant, and each agent's own margin is enough."""
     WORST_CASE = "worst-case"
     """γ_l^max for all others. Always sound, feasible least often."""
     UNKNOWN = "unknown"

@@ -46,17 +46,6 @@ class MemberKind:
         return MappedFunction(self.row, self._outputs)
 
     @cached_property
-    def drift(self) -> MappedFunction:
-        """f as a function of the state."""
-        return MappedFunction([self.x], [self._f])
-
-    @cached_property
-    def forces(self) -> MappedFunction:
-        """s g as a function of the state and of s, shape (n,)."""
-        slope = ca.SX.sym("slope", self.x.numel())
-        return MappedFunction([self.x, slope], [slope.T @ self._g])
-
-    @cached_property
     def text(self) -> str:
         """Serialized expressions: different for different kinds."""
         outputs = [ca.densify(o) for o in (self._p, self._f, self._g, *self._outputs)]

@@ -97,7 +97,7 @@ _FLOOR = 0.01
 """Added to each span, so that an agent without authority has a share too."""
 
 
-def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.0) -> Row:
+def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
     """Agent i's share of the joint condition, without inputs of the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
@@ -109,10 +109,9 @@ def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.
         terms: at agent i's sampled state.
         i: the agent.
         normal: those that keep a share.
-        kept_back: added to T, since shares are computed from different samples; see ShareMargin.
     """
     place = list(normal).index(i)
-    share = shares(terms, normal)[place] * -(joint_sum(terms, normal) + kept_back)
+    share = shares(terms, normal)[place] * -joint_sum(terms, normal)
     return Row(terms.c[i], terms.least[i] + float(share))
 
 
@@ -123,17 +122,8 @@ def shares(terms: Terms, normal: Sequence[int]) -> Array:
     the same part of theirs. Equal shares would give leeway to agents that cannot use it, and take
     it from those in a conflict.
     """
-    spans = _spans(terms, normal)
+    spans = [terms.most[l] - terms.least[l] + _FLOOR for l in normal]
     return np.array(spans) / added(spans)
-
-
-def total_span(terms: Terms, normal: Sequence[int]) -> float:
-    """W = Σ s_l, the largest effect of all normal agents together on ψ_q; above 0."""
-    return added(_spans(terms, normal))
-
-
-def _spans(terms: Terms, normal: Sequence[int]) -> list[float]:
-    return [terms.most[l] - terms.least[l] + _FLOOR for l in normal]
 
 
 def joint_sum(terms: Terms, helping: Sequence[int]) -> float:

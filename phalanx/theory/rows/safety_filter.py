@@ -15,8 +15,7 @@ from phalanx.theory.rows.information import InformationModel, ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, Rows, Terms, paper_row, split_row
-from phalanx.theory.rows.share_margin import ShareMargin
+from phalanx.theory.rows.row import Row, Rows, Terms, paper_row
 
 
 class FilterInput(Struct, frozen=True):
@@ -57,34 +56,18 @@ class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
     def __init__(
-        self,
-        i: int,
-        information: InformationModel,
-        qp: NearestInput,
-        authority: float,
-        share_margin: ShareMargin | None,
+        self, i: int, information: InformationModel, qp: NearestInput, authority: float
     ) -> None:
-        """authority: as in decide. share_margin: with the information model split, else None."""
+        """authority: as in decide."""
         self.i, self._information = i, information
         self._qp, self._authority = qp, authority
-        self._share_margin = share_margin
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-        row, used = self._row(now)
-        decision = decide(now.terms, self.i, row, now.u_nom, self._qp, self._authority)
-        return Filtered(decision, used, row)
-
-    def _row(self, now: FilterInput) -> tuple[Row, list[int]]:
-        terms, i, c = now.terms, self.i, now.terms.c
-        counted: dict[int, tuple[float, ...]] = {}
-        if self._share_margin is not None:
-            sharing = self._information.sharing(i, now.received, now.t)
-            row = split_row(terms, i, sharing, self._share_margin(now.x, terms, sharing))
-        else:
-            counted = _believed(self._information, now)
-            row = paper_row(terms, i, counted)
-        return row, [l for l in counted if l in c and any(c[l].tolist())]
+        terms, c, counted = now.terms, now.terms.c, _believed(self._information, now)
+        row = paper_row(terms, self.i, counted)
+        decision = decide(terms, self.i, row, now.u_nom, self._qp, self._authority)
+        return Filtered(decision, [l for l in counted if l in c and any(c[l].tolist())], row)
 
 
 class PairwiseFilter:

@@ -95,32 +95,19 @@ class ComposedSet:
 
     @cached_property
     def h_tot(self) -> ca.SX:
-        """LSE of h over the active pairs, scalar; contains the symbols sigma and active."""
+        """LSE of h, scalar; contains the symbol sigma."""
         if self.rho is None:
             return self.h
-        return log_sum_exp(_only(self.h, self.active), self.rho, self.sigma)
+        return log_sum_exp(self.h, self.rho, self.sigma)
 
     @cached_property
     def sigma(self) -> ca.SX:
         """LSE's σ as a symbol, which is a constant under differentiation."""
         return ca.SX.sym("sigma")
 
-    @cached_property
-    def active(self) -> ca.SX:
-        """1 for a pair that h_tot composes, else 0, shape (p,); symbols likewise."""
-        return ca.SX.sym("active", len(self.pairs))
-
-    def substitute(self, expression: ca.SX, active: ca.SX | None = None) -> ca.SX:
-        """Substitute σ = max h, the paper's choice, and the active pairs in an expression.
-
-        Args:
-            expression: of x, σ and active.
-            active: shape (p,), of x, 0 or 1; None for all pairs.
-        """
-        chosen = ca.SX.ones(len(self.pairs)) if active is None else active
-        largest = ca.mmax(_only(self.h, chosen))
-        (found,) = ca.substitute([expression], [self.sigma, self.active], [largest, chosen])
-        return found
+    def substitute(self, expression: ca.SX) -> ca.SX:
+        """Substitute σ = max h, the paper's choice, in an expression of x and σ."""
+        return ca.substitute(expression, self.sigma, ca.mmax(self.h))
 
     def alone(self, pair: int) -> "ComposedSet":
         """One pair as a safe set of its own: its members, in order, and its h as h_tot."""
@@ -130,13 +117,6 @@ class ComposedSet:
     def other_side(self, pair: Pair) -> Member | Static:
         """The second side of a pair."""
         return [*self.members, *self.obstacles][pair.b]
-
-    def within(self, i: int, radius: float) -> ca.SX:
-        """1 for pairs of which both sides lie within `radius` [m] of agent i, shape (p,)."""
-        near = [ca.norm_2(p - self.positions[i]) <= radius for p in self.positions]
-        near[i] = ca.SX(1)
-        near += [o.distance(self.positions[i]) <= radius for o in self.obstacles]
-        return ca.vertcat(*[near[a] * near[b] for a, b in self.pairs])
 
     def method_of(self, pair: Pair) -> tuple[object, str]:
         """The object that computes h of a pair, and the name of its method."""
@@ -215,8 +195,3 @@ def of_pair(
     if isinstance(b, Member):
         return ComposedSet((a, b), (), function, None, symbols)
     return ComposedSet((a,), (b,), function, None, symbols)
-
-
-def _only(h: ca.SX, active: ca.SX) -> ca.SX:
-    """h of active pairs; FAR, which has no gradient, for the others."""
-    return active * h + (1 - active) * FAR

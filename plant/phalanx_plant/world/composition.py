@@ -68,12 +68,8 @@ class LargestPsi:
         self._rows, pairs = rows, rows.swarm.pairs
         kinds = [0 for _ in rows.swarm.members]
         along_drift = PairFunctions(pairs, kinds, lambda _, kind: pairs.kinds[kind].along_drift)
-        safety = rows.swarm.safety
-        self.functions = rows.pair_psi if safety.pairwise else along_drift
+        self.functions = rows.pair_psi if rows.swarm.safety.pairwise else along_drift
         """Functions needed of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
-        computed = safety.xi_of_chain is None or rows.relative_degree > 2
-        # D_k within ψ_k needs gradients, which the values of pairs along the drift do not have.
-        self._chain = rows.terms_of_all(0.0) if safety.counts_disturbance and computed else None
 
     def __call__(self, x: Array, pairs: Array, least: Array, composed: Composed) -> Array:
         """Evaluate at s states, shape (s,); empty if q = 1.
@@ -89,8 +85,6 @@ class LargestPsi:
         if self._rows.swarm.safety.pairwise:
             counting = pairs[..., 0] >= least[:, None]
             each = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
-        elif self._chain is not None:
-            each = np.stack([self._chain.psi(state)[1:] for state in x])
         else:
             some = np.flatnonzero(composed.weights.any(axis=0))
             jets = self._rows.composed.jets

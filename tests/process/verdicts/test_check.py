@@ -55,7 +55,7 @@ def test_with_latency_zero_has_to_be_certified_until_the_first_input_takes_effec
     assert not long.may_be_guaranteed
 
 
-@pytest.mark.parametrize("information", ["paper", "in-flight", "split", "worst-case"])
+@pytest.mark.parametrize("information", ["paper", "in-flight", "worst-case"])
 def test_a_liar_is_named_where_rows_use_its_claims(information: str):
     lie = 'faults=[{ kind = "lie", agent = "2", for = 1.0, says = "zero" }]'
     words = " ".join(checked("stale-inputs", f"safety.information={information}", lie).words)

@@ -116,7 +116,8 @@ def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composi
 )
 def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(check, kind, information, warned):
     fault = f"faults=[{{ kind = '{kind}', at = 0.4, agents = ['1'] }}]"
-    settings = "--set", fault, "--set", f"safety.information={information}"
+    rows = f"safety.information={information}", "safety.composition=pairs"
+    settings = "--set", fault, "--set", rows[0], "--set", rows[1]
     _, _, _, words = check("faults/hijack", *settings)
     assert ("make adversaries of 1, and safety.information" in words) is warned
 

@@ -38,7 +38,8 @@ def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds(
     printed = run("disturbance-gap", "duration=9.0")
     assert printed.outcome is Outcome.VIOLATED
     assert "non-empty K_i" not in failed(printed)
-    corrected = run("disturbance-gap", "duration=9.0", "safety.margin=corrected")
+    pairs = "safety.composition=pairs", "safety.margin=corrected"
+    corrected = run("disturbance-gap", "duration=9.0", *pairs)
     assert corrected.outcome is Outcome.GUARANTEED
     assert corrected.largest_h_tot < -3.0
 
@@ -89,7 +90,6 @@ def test_with_a_distance_in_metres_a_proof_is_to_be_had(name, duration, seed):
     ("override", "why"),
     [
         ("safety.neighbourhood=5.0", "neighbourhood"),
-        ("safety.composition=lse", "shares of one row"),
         ("time.latency=0.001", "latency"),
     ],
 )

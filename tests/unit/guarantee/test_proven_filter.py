@@ -16,6 +16,8 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.theory.rows.safety_filter import FilterInput
 
+# A margin of 0 proves nothing, so that some inputs are certified for too short a time.
+PAIRS = {"safety.composition": "pairs", "safety.eta": 0.0}
 HIJACK = [{"kind": "hijack", "at": 6.0, "agents": ["2"]}]
 
 
@@ -23,8 +25,7 @@ def controllers(information: str) -> tuple[DistributedController, DistributedCon
     """Agent 1 of Simulation 1, without and with proofs."""
     made = []
     for prove in (False, True):
-        # A margin of 0 proves nothing, so that some inputs are certified for too short a time.
-        changes = {"safety.information": information, "safety.prove": prove, "safety.eta": 0.0}
+        changes = {**PAIRS, "safety.information": information, "safety.prove": prove}
         made.append(DistributedController(build_rows(build_swarm(load("unicycles", changes))), 0))
     return made[0], made[1]
 
@@ -33,7 +34,7 @@ def controllers(information: str) -> tuple[DistributedController, DistributedCon
 @pytest.mark.parametrize("information", ["split", "unknown"])
 def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information):
     plain, proving = controllers(information)
-    swarm = build_swarm(load("unicycles", {"safety.information": information}))
+    swarm = build_swarm(load("unicycles", {**PAIRS, "safety.information": information}))
     agent, start = SwarmCertificates(swarm).of(0), swarm.start()
     draws, seen, replaced = Draws(5, "crowded", width=5), tuple(range(5)), 0
     own, other = (swarm.safe_set.parts[l] for l in (0, 3))
@@ -87,7 +88,7 @@ def test_quiet_pairs_are_looked_at_again_while_their_proof_lasts_as_long_as_an_i
 def test_with_proofs_a_hijack_leaves_the_remaining_pairs_guaranteed():
     ends = {}
     for prove in (False, True):
-        changes = {"safety.information": "split", "safety.prove": prove, "duration": 14.0}
+        changes = {"safety.information": "worst-case", "safety.prove": prove, "duration": 14.0}
         scenario = phalanx.load("unicycles", {**changes, "faults": HIJACK})
         ends[prove] = phalanx.run(scenario, engine="in-process")
     assert ends[False].verdict is phalanx.Outcome.VIOLATED

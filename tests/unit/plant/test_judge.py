@@ -166,8 +166,8 @@ def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_
 
 @pytest.mark.slow
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
-    split = judge_of("safety.information=split")
-    assert "received inputs in force" not in [a.name for a in split.assumptions.of_theorem]
+    alone = judge_of("safety.information=worst-case")
+    assert "received inputs in force" not in [a.name for a in alone.assumptions.of_theorem]
     assert "received inputs in force" in [a.name for a in judge_of().assumptions.of_theorem]
 
 
@@ -323,7 +323,7 @@ def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
     [
         ("information=paper", ["received inputs in force", "truthful broadcasts"]),
         ("information=in-flight", ["received inputs in force", "truthful broadcasts"]),
-        ("information=split", []),
+        ("information=worst-case", []),
         ("control=centralised", ["synchronous sampling"]),
     ],
 )

@@ -18,7 +18,6 @@ def test_alpha_may_be_a_number_or_a_table():
     ("override", "message"),
     [
         ('safety.alpha=[{type = "power", gain = 2.0}]', r"safety.alpha.*exponent"),
-        ("safety.margin=local", "safety.eta: expected no value"),
         ("safety.composition=both", "safety.composition: expected 'lse' or 'pairs'"),
         ("safety.neighbourhood=-1.0", "safety.neighbourhood"),
         ("agents.1.law.targets={4 = 'nobody'}", "law of 4: targets: expected one of"),
@@ -37,9 +36,23 @@ def test_the_integrated_margin_needs_a_linear_last_gain():
     assert load("guaranteed", [power, "safety.margin=local"]).safety.computes_margin
 
 
-def test_the_integrated_margin_bounds_one_pair():
-    with pytest.raises(ScenarioError, match=r"safety\.margin: expected composition = 'pairs'"):
-        load("guaranteed", ["safety.composition=lse"])
+@pytest.mark.parametrize("margin", ["corrected", "local", "integrated"])
+def test_one_row_for_all_pairs_has_the_papers_margin(margin):
+    message = r"safety\.margin: expected 'paper', or composition = 'pairs': see docs/retired\.md"
+    with pytest.raises(ScenarioError, match=message):
+        load("unicycles", [f"safety.margin={margin}", "safety.eta=0"])
+
+
+def test_halves_are_of_pairs():
+    message = r"safety\.information: expected another, or composition = 'pairs': see docs/retired"
+    with pytest.raises(ScenarioError, match=message):
+        load("unicycles", ["safety.information=split"])
+    assert load("unicycles", ["safety.information=split", "safety.control=centralised"])
+
+
+def test_a_computed_margin_has_no_eta():
+    with pytest.raises(ScenarioError, match=r"safety\.eta: expected no value"):
+        load("guaranteed", ["safety.eta=1.0"])
 
 
 def test_a_wall_without_a_direction_is_refused():

@@ -109,8 +109,8 @@ def test_set_reaches_values_tables_lists_and_makes_missing_tables():
 
 
 def test_set_takes_a_bare_word_as_a_string_and_the_last_of_several_wins():
-    scenario = load("unicycles", ["safety.information=paper", "safety.information=split"])
-    assert scenario.safety.information is Information.SPLIT
+    scenario = load("unicycles", ["safety.information=paper", "safety.information=unknown"])
+    assert scenario.safety.information is Information.UNKNOWN
 
 
 def test_set_takes_toml_values():

@@ -294,7 +294,6 @@ def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(own, overr
     "proven",
     [
         ["safety.composition=pairs"],
-        ["safety.margin=local", "safety.eta=0"],
         ["safety.composition=pairs", "safety.margin=local", "safety.eta=0"],
     ],
 )

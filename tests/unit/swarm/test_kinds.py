@@ -10,11 +10,10 @@ from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.local import local_margin
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario
-from tests.unit.theory.whole_expression import TermsFunction
+from tests.unit.theory.whole_expression import TermsFunction, in_sight
 
 FEW = ("agents.0.count=5", "agents.1.count=1", "flows.obstacles=0.2")
 """Of a crowd: as many as make all its kinds of pairs."""
@@ -44,9 +43,8 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     swarm, safety = rows.swarm, rows.swarm.safety
     composed, i = swarm.safe_set, swarm.normal[0]
     xi = 0.0 if safety.computes_margin else safety.xi
-    chain = build_chain(composed, safety.class_k, xi)
-    active = None if radius is None else composed.within(i, radius)
-    reference = TermsFunction(chain, active, 1.5)
+    chain = build_chain(in_sight(composed, i, radius), safety.class_k, xi)
+    reference = TermsFunction(chain, 1.5)
     terms = rows.composed.of(i, radius, 1.5)
     for x in states(rows, 12):
         apart = np.linalg.norm(swarm.positions(x) - swarm.positions(x)[i], axis=1)
@@ -66,7 +64,6 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     ("name", "margin"),
     [
         ("formation3d", "paper"),
-        ("formation3d", "local"),
         ("formation3d-distance", "local"),
         ("unicycles", "paper"),
     ],
@@ -123,35 +120,6 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     for i in rows.swarm.normal:
         for sharing in ((), rows.swarm.normal):
             assert len(rows.pair_terms(i)(x, sharing=sharing).others)
-
-
-@pytest.mark.parametrize("margin", ["paper", "corrected", "local"])
-@pytest.mark.parametrize("name", ["stale-inputs", "disturbance-gap"])
-@pytest.mark.parametrize("radius", [None, 4.0])
-def test_every_margin_has_the_terms_of_its_chain(name, margin, radius):
-    """Compare what an agent sees, with the margin `local`: a bound of the whole expression."""
-    overrides = [f"safety.margin={margin}", *(["safety.eta=0"] if margin == "local" else [])]
-    overrides += [f"safety.neighbourhood={radius}"] if radius else []
-    rows = rows_of_scenario(name, *overrides)
-    swarm, i = rows.swarm, rows.swarm.normal[0]
-    active = None if radius is None else swarm.safe_set.within(i, radius)
-    own, chain = rows.margin(i), rows.chain
-    known = own.of(chain, i, RowPart.WHOLE)
-    if margin == "local":
-        bounds = own.bounds_of(chain)
-        known = local_margin(chain, i, own.horizon, bounds, RowPart.WHOLE, active)
-    whole, terms = TermsFunction(rows.chain, active, known), rows.terms(i)
-    for x in states(rows, 40):
-        seen = swarm.seen(i, x)
-        found, expected = terms(x, seen), whole(x, seen)
-        if found.psi[0] == FAR:  # no agent is near
-            continue
-        numbers = [
-            np.concatenate([t.psi, [t.unforced, t.margin], *[t.c[l] for l in seen]])
-            for t in (found, expected)
-        ]
-        assert numbers[0] == pytest.approx(numbers[1], **close)
-        assert rows.invariants()(x)[: len(found.psi)] == pytest.approx(expected.psi, **close)
 
 
 @pytest.mark.slow

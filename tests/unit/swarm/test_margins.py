@@ -45,10 +45,12 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
 
 
 def test_for_q_1_the_corrected_margin_is_the_papers_and_for_q_2_no_disturbance_counts_twice():
-    same = [rows_of_scenario("unicycles", f"safety.margin={m}") for m in ("paper", "corrected")]
+    pairs, margins = "safety.composition=pairs", ("paper", "corrected")
+    same = [rows_of_scenario("unicycles", pairs, f"safety.margin={m}") for m in margins]
     x = same[0].swarm.start()
-    paper, corrected = (rows.terms(0)(x) for rows in same)
-    assert paper.margin == corrected.margin == 8.0566
+    paper, corrected = (rows.pair_terms(0)(x).margin for rows in same)
+    assert paper == pytest.approx(8.0566)
+    assert (paper == corrected).all()
     eta = "safety.eta={c_f=0.0, c_g=0.0, c_alpha=0.0, c_gamma=0.0, c_h=9.0, u_max=1.0, mu=1.0}"
     assert rows_of_scenario("unicycles", eta).margin(0).eta == pytest.approx(9.0 * 5 * 1.73)
     assert rows_of_scenario("formation3d", eta).margin(0).eta == 0.0

@@ -118,7 +118,7 @@ def test_a_mistake_in_it_is_one_line(name):
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("safety.composition=lse", "safety.margin: expected composition = 'pairs', or another"),
+        ("safety.composition=lse", "safety.margin: expected 'paper', or composition = 'pairs'"),
         ("safety.eta=1.0", "safety.eta: expected no value, or 0: margin = 'reserves:Reserve'"),
         ("safety.margin=locale", "safety.margin: expected one of paper, corrected, local, integr"),
         ("safety.margin=5", "safety.margin: expected a valid string, got 5"),

@@ -21,7 +21,7 @@ rho = 5.0
 alpha = [10.0]
 information = "unknown"
 composition = "COMPOSITION"
-margin = "local"
+MARGIN
 [formation]
 path = [[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [9.0, 0.0]]
 finish = 2.0
@@ -45,7 +45,8 @@ slots = [{slot}]
 
 def rows_with(roles: str, composition: str, tmp_path, law: str = "track-velocity") -> SafetyRows:
     """Agents "1", "2", ... with these roles, "n" or "a"; faster ones have higher numbers."""
-    text = SWARM.replace("COMPOSITION", composition)
+    margin = 'margin = "local"' if composition == "pairs" else "eta = 1.0"
+    text = SWARM.replace("COMPOSITION", composition).replace("MARGIN", margin)
     for slot, role in enumerate(roles):
         known = {"n": "normal", "a": "adversary"}[role]
         text += AGENT.format(name=slot + 1, role=known, speed=2 + slot, slot=slot, law=law)

@@ -1,6 +1,8 @@
 """Terms of a chain as one expression of all states: what terms from kinds are compared with."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -9,8 +11,38 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
 from phalanx.theory.safety.chain import Chain
+from phalanx.theory.safety.composition import FAR, ComposedSet
 
 _FAR = 1e6
+
+
+@dataclass(frozen=True)
+class SetInSight(ComposedSet):
+    """The safe set of what agent i sees: pairs of which both sides are within its radius [m]."""
+
+    i: int = 0
+    radius: float = 0.0
+
+    @cached_property
+    def near(self) -> ca.SX:
+        """1 for a pair in sight, else 0, shape (p,)."""
+        p = self.positions
+        each = [ca.norm_2(q - p[self.i]) <= self.radius if q is not p[self.i] else 1 for q in p]
+        each += [o.distance(p[self.i]) <= self.radius for o in self.obstacles]
+        return ca.vertcat(*[each[a] * each[b] for a, b in self.pairs])
+
+    @cached_property
+    def h(self) -> ca.SX:
+        """h of pairs in sight; FAR, which has no gradient, for the others."""
+        return self.near * super().h + (1 - self.near) * FAR
+
+
+def in_sight(composed: ComposedSet, i: int, radius: float | None) -> ComposedSet:
+    """Return the set that agent i sees; all for no radius."""
+    if radius is None:
+        return composed
+    given = {f.name: getattr(composed, f.name) for f in fields(composed)}
+    return SetInSight(**given, i=i, radius=radius)
 
 
 class EvaluatedTerms(NamedTuple):
@@ -33,14 +65,11 @@ class TermsFunction:
     Eq. (LPvminmax) become part of the compiled expression.
     """
 
-    def __init__(
-        self, chain: Chain, active: ca.SX | None = None, margin: ca.SX | float = 0.0
-    ) -> None:
+    def __init__(self, chain: Chain, margin: ca.SX | float = 0.0) -> None:
         """Compile.
 
         Args:
             chain: of the composed set.
-            active: which pairs count at a state, as ComposedSet.substitute has it.
             margin: of the row that the terms are for, scalar.
 
         Raises:
@@ -68,7 +97,7 @@ class TermsFunction:
             *composed.positions,
             *[expression for l in self._varying for expression in symbolic[l]],
         ]
-        settled = [composed.substitute(o, active) for o in outputs]
+        settled = [composed.substitute(o) for o in outputs]
         self._evaluate = CompiledFunction([composed.x], settled)
 
     def __call__(self, x: Array, seen: Sequence[int] | None = None) -> EvaluatedTerms:

@@ -156,18 +156,3 @@ def test_a_compiled_scenario_has_the_trajectory_of_the_interpreted_one(folder, c
     # The recording alone asks for one more: it shows positions.
     assert count > 10 >= 5 > len(functions)
     assert compile_scenario(scenario, lambda done, of: None) == 0
-
-
-@pytest.mark.slow
-def test_compiled_functions_do_not_hinder_a_row_that_needs_their_derivatives(folder):
-    scenario = phalanx.load("unicycles", {"duration": 0.05})
-    compile_scenario(scenario, lambda done, of: None)
-    shares = phalanx.load("unicycles", {"duration": 0.05, "safety.information": "split"})
-    compiled = phalanx.run(shares, engine="in-process")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(COMPILER, "")
-        _forget()
-        interpreted = phalanx.run(shares, engine="in-process")
-    assert compiled.summary
-    assert interpreted.summary
-    assert compiled.summary.trajectory == interpreted.summary.trajectory

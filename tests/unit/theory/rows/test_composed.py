@@ -16,9 +16,8 @@ from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import FAR, Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.pairs import SwarmPairs
-from tests.layers import layered
 from tests.unit.theory.sample_swarms import AROUND, DEGREES, RHO, sample_swarm
-from tests.unit.theory.whole_expression import TermsFunction
+from tests.unit.theory.whole_expression import TermsFunction, in_sight
 
 ALPHAS = (Power(0.8, 3.0), Linear(1.7), Power(0.6, 2.0))
 XI, ETA, REACH = 2.5, 1.3, 2.5
@@ -37,8 +36,8 @@ def swarm_terms(name: str) -> SwarmTerms:
 def reference(name: str, i: int | None) -> TermsFunction:
     """Terms of all pairs, or of those within agent i's neighbourhood."""
     composed = sample_swarm(name)
-    chain = build_chain(composed, ALPHAS[: DEGREES[name]], XI)
-    return TermsFunction(chain, None if i is None else composed.within(i, REACH), ETA)
+    seen = composed if i is None else in_sight(composed, i, REACH)
+    return TermsFunction(build_chain(seen, ALPHAS[: DEGREES[name]], XI), ETA)
 
 
 @cache
@@ -99,41 +98,6 @@ def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
             **{part: {l: getattr(expected, part)[l] for l in seen} for part in PARTS}
         )
         assert largest_difference(numbers(found), numbers(known)) < 1e-12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DEGREES)
-@pytest.mark.parametrize("xi", layered((XI, None), (None,)))
-def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name, xi):
-    """Compare at 10 200 states in all, with corrected margins, and with D_1 in place of ξ."""
-    composed, rng = sample_swarm(name), np.random.default_rng(9)
-    bounds = [0.3 + 0.1 * l for l in range(len(composed.members))]
-    swarm = swarm_terms(name)
-    by_derivatives = swarm.by_derivatives(xi, bounds)
-    found = swarm.of(0, None, ETA, by_derivatives)
-    chain = build_chain(composed, ALPHAS[: DEGREES[name]], xi, bounds)
-    expected = TermsFunction(chain, margin=ETA + chain.disturbance)
-    apart = np.geomspace(0.1, 30.0, 850)
-    states = apart[:, None] * rng.uniform(-1.0, 1.0, (len(apart), composed.x.numel()))
-    both = np.array([[numbers(found(x)), numbers(expected(x))] for x in states])
-    assert largest_difference(both[:, 0], both[:, 1]) < 1e-12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DEGREES)
-def test_by_derivatives_too_what_is_not_seen_has_no_part(name):
-    composed, swarm = sample_swarm(name), swarm_terms(name)
-    bounds = [0.0] * len(composed.members)
-    by_derivatives = swarm.by_derivatives(XI, bounds, printed=True)
-    found = swarm.of(0, REACH, ETA, by_derivatives)
-    expected = swarm.of(0, REACH, ETA)
-    for x in np.random.default_rng(3).uniform(-3.0, 3.0, (12, composed.x.numel())):
-        for seen in ((0,), (0, len(bounds) - 1), range(len(bounds))):
-            known = np.full_like(x, np.nan)
-            for l in seen:
-                known[composed.parts[l]] = x[composed.parts[l]]
-            both = (numbers(terms(known, seen)) for terms in (found, expected))
-            assert largest_difference(*both) < 1e-12
 
 
 @pytest.mark.parametrize("name", DEGREES)
