@@ -47,7 +47,7 @@ if __name__ == "__main__":  # this file is imported for its law, and must not ru
         {
             "name": "roundabout",
             "duration": 8.0,
-            "safety": {**safety, "composition": "pairs", "information": "split"},
+            "safety": safety,
             "agents": [agent("slow", [3.0, 0.0], 0.5), agent("fast", [0.0, -3.0], 1.5)],
         }
     )

@@ -124,7 +124,7 @@ def check(
             *_world(scenario),
             *advice(swarm, report, unknown),
             *_resting(swarm),
-            *_price(rows),
+            *_roles(rows),
         ]
     )
     return report
@@ -141,10 +141,13 @@ def _world(scenario: Scenario) -> list[str]:
     ]
 
 
-def _price(rows: SafetyRows) -> list[str]:
-    """Return a sentence on what it costs at x(0) that agents read no roles."""
+def _roles(rows: SafetyRows) -> list[str]:
+    """Return a sentence on what is taken for granted of roles, or what it costs at x(0) not to."""
     if rows.swarm.safety.information.reads_roles:
-        return []
+        return [
+            "Taken for granted: agents know who is an adversary, and no other becomes one. Where "
+            "any may be taken over take safety.information = 'unknown'."
+        ]
     shared = with_safety(rows.swarm, composition="pairs", information=Information.SPLIT)
     try:
         own, split = (rounded(effort_at_start(each)) for each in (rows, shared))

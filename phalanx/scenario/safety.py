@@ -47,8 +47,8 @@ class Safety(Strict):
     control: Literal["distributed", "centralised"] = "distributed"
     """One QP per agent, or one controller with the QP of Theorem 1, which needs synchronous
     clocks."""
-    composition: Composition = "lse"
-    """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
+    composition: Composition = "pairs"
+    """One row for each pair, or one row for h_tot = LSE of all pairs, as in the paper."""
     margin: MarginField = "paper"
     """The margin η: paper; or for one row for each pair corrected, with L_φ ψ_k for every k >= 1,
     or a bound computed at each sample, without eta and xi: local, or the smaller integrated for a
@@ -60,7 +60,7 @@ class Safety(Strict):
     """The margin η as a number, or the constants of Lemma (constants) to compute it from."""
     xi: NonNegative = 0.0
     """ξ of Eq. (xi); used if q > 1 and the margin is paper or corrected."""
-    information: Information = Information.PAPER
+    information: Information = Information.SPLIT
     """Assumption about the other normal agents' inputs."""
     silence: Positive = 1.0
     """A normal agent without a received broadcast for longer counts as an adversary [s]."""

@@ -78,7 +78,7 @@ def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
 
 
 def believes(information: str) -> dict[str, str]:
-    """Whom an agent believes; halves are of pairs."""
+    """Return the overrides of an information model; halves are of pairs."""
     composition = "pairs" if information == "split" else "lse"
     return {"safety.information": information, "safety.composition": composition}
 

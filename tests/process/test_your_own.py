@@ -325,7 +325,9 @@ duration = 2.0
 function = { type = "separation", radius = 1.0 }
 rho = 5.0
 alpha = [2.0]
+composition = "lse"
 eta = 0.1
+information = "paper"
 
 [[agents]]
 names = ["red", "blue"]

@@ -94,6 +94,14 @@ def test_the_relative_degree_and_the_start_are_those_of_the_chain():
     assert report.worst_at_start == pytest.approx(max(25 - 81, 9.8 + 1.5 * (25 - 81)))
 
 
+def test_it_says_what_is_taken_for_granted_of_roles_unless_no_role_is_read(guaranteed):
+    granted = "Taken for granted: agents know who is an adversary"
+    (said,) = [word for word in guaranteed.words if word.startswith(granted)]
+    assert "safety.information = 'unknown'" in said
+    words = checked("guaranteed", "safety.information=unknown").words
+    assert not any(word.startswith(granted) for word in words)
+
+
 def test_a_start_outside_s_is_reported():
     report = check(load("pinned", ["agents.1.start=[[0.0, -0.9]]"]))
     assert report.worst_at_start > 0

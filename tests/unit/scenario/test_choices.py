@@ -2,7 +2,7 @@
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import ScenarioError, load, read_table
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.class_k import Linear
 
@@ -41,6 +41,13 @@ def test_one_row_for_all_pairs_has_the_papers_margin(margin):
     message = r"safety\.margin: expected 'paper', or composition = 'pairs': see docs/retired\.md"
     with pytest.raises(ScenarioError, match=message):
         load("unicycles", [f"safety.margin={margin}", "safety.eta=0"])
+
+
+def test_without_a_choice_each_pair_has_a_row_of_which_agents_keep_halves():
+    table = read_table("unicycles")
+    safety = {k: v for k, v in table["safety"].items() if k not in ("composition", "information")}
+    found = load({**table, "safety": safety}).safety
+    assert (found.composition, str(found.information)) == ("pairs", "split")
 
 
 def test_halves_are_of_pairs():

@@ -151,7 +151,9 @@ duration = 1.0
 function = { type = "swimming_user:Diamond", size = 1.0 }
 rho = 5.0
 alpha = [1.0]
+composition = "lse"
 eta = 0.3
+information = "paper"
 
 [[agents]]
 names = ["a", "b"]
