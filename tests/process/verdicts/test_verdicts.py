@@ -33,6 +33,15 @@ def test_one_equal_adversary_does_no_harm():
     assert summary.origins["backup"] == 0
 
 
+@pytest.mark.parametrize(
+    ("name", "without"),
+    [("unknown", "safety.information=split"), ("prove", "safety.prove=false"), ("centralised", "")],
+)
+def test_a_mode_of_safety_has_a_scenario_that_is_guaranteed_with_it_alone(name, without):
+    assert run(name).outcome is Outcome.GUARANTEED
+    assert not without or run(name, without).outcome is Outcome.VIOLATED
+
+
 @pytest.mark.nightly
 def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds():
     printed = run("disturbance-gap", "duration=9.0")
