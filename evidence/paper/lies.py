@@ -23,6 +23,7 @@ from stale_input import certificates, rows_with, words
 from variants import simulated
 
 import phalanx
+from phalanx.schema.registry import BUILT_IN
 from phalanx.theory.rows.information import Information
 
 LIES = {
@@ -35,7 +36,7 @@ LIES = {
     "half a period early": "apply_time = -0.005",
     "silent": "silent = true",
 }
-MODELS = tuple(str(model) for model in Information)
+MODELS = tuple(BUILT_IN[Information])
 
 
 def main() -> None:

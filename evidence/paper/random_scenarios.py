@@ -213,16 +213,16 @@ def _safety(chance: Chance, q: int, radius: float) -> dict[str, Any]:
     centralised = chance.happens(0.1)
     composition = "lse" if centralised else chance.of(get_args(Composition))
     margin = chance.of(list(BUILT_IN[Margin])) if composition == "pairs" else "paper"
-    information = chance.of(list(Information))
-    if composition == "lse" and information is Information.SPLIT:
-        information = Information.WORST_CASE
+    information = chance.of(list(BUILT_IN[Information]))
+    if composition == "lse" and information == "split":
+        information = "worst-case"
     table: dict[str, Any] = {
         "function": {"type": "separation", "radius": radius},
         "rho": chance.scale(0.5, 10.0),
         "alpha": [chance.scale(0.5, 20.0) for _ in range(q)],
         "margin": margin,
         "composition": composition,
-        "information": str(information),
+        "information": information,
         "control": "centralised" if centralised else "distributed",
     }
     if margin in ("paper", "corrected"):

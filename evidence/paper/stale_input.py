@@ -27,6 +27,7 @@ from variants import simulated
 
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
+from phalanx.schema.registry import BUILT_IN
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
@@ -67,7 +68,7 @@ def main() -> None:
     """Run every combination and print the table."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--scenario", default="stale-inputs")
-    arguments.add_argument("--models", default=",".join(Information))
+    arguments.add_argument("--models", default=",".join(BUILT_IN[Information]))
     arguments.add_argument("--delays", default="0.0,0.002,0.005,0.02,0.1", help="[s]")
     arguments.add_argument("--losses", default="0.0,0.1,0.3")
     arguments.add_argument("--seeds", type=int, default=1)
@@ -106,7 +107,7 @@ def words(found: Certificates) -> str:
 
 def certificates(recording: Recording) -> Certificates:
     """Judge every update of the normal agents by the inputs that were in force after it."""
-    split = recording.scenario.safety.information is Information.SPLIT
+    split = recording.scenario.safety.information_model.shares
     steps = certified = false = short = 0
     worst = -np.inf
     for now in joint_sums(recording):

@@ -42,7 +42,7 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
             vary |= {f"agents.{g}.law.{path}": _gain(v) for path, v in _gains(group.law)}
         if group.disturbance.bound > 0.0:
             vary[f"agents.{g}.disturbance.kind"] = {"choice": ["random", "adverse"]}
-    kinds = _LINKS if scenario.safety.counts_on_received else []
+    kinds = _LINKS if scenario.safety.information_model.counts_on_received else []
     kinds = kinds + (_ROBOTS if name == BEYOND else [])
     budget = {"faults": {"most": 1, "kinds": kinds}} if kinds else {}
     return {"starts": starts, "vary": vary, **budget}

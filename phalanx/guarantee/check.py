@@ -11,9 +11,9 @@ from phalanx.guarantee.check_report import (
     BoundaryCondition,
     CheckReport,
     advice,
+    longest_delay,
     proof_gaps,
     rounded,
-    uses_newest_inputs,
 )
 from phalanx.guarantee.formula import (
     Region,
@@ -40,7 +40,6 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.decision import NotANumberError
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
 
 _SAMPLES = 2000
@@ -113,7 +112,7 @@ def check(
         boundary=boundary_condition,
         horizon=max(swarm.horizon(i) for i in swarm.normal),
         largest_gap=largest_gap(list(proven.values())) if proven else None,
-        largest_delay=0.0 if uses_newest_inputs(swarm) else math.inf,
+        largest_delay=longest_delay(swarm),
         gaps=proof_gaps(swarm),
         certified=certified,
         promised=promise,
@@ -143,12 +142,12 @@ def _world(scenario: Scenario) -> list[str]:
 
 def _roles(rows: SafetyRows) -> list[str]:
     """Return a sentence on what is taken for granted of roles, or what it costs at x(0) not to."""
-    if rows.swarm.safety.information.reads_roles:
+    if rows.swarm.safety.information_model.reads_roles:
         return [
             "Taken for granted: agents know who is an adversary, and no other becomes one. Where "
             "any may be taken over take safety.information = 'unknown'."
         ]
-    shared = with_safety(rows.swarm, composition="pairs", information=Information.SPLIT)
+    shared = with_safety(rows.swarm, composition="pairs", information="split")
     try:
         own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
     except NotANumberError as error:

@@ -183,8 +183,7 @@ def _steepness(swarm: Swarm) -> float:
 
 def _steepest(swarm: Swarm) -> float:
     """Return the largest κ τ that is proven with the integrated margin."""
-    halves = swarm.safety.joint and len(swarm.normal) > 1
-    return STEEPEST[RowPart.HALF if halves else RowPart.WHOLE]
+    return STEEPEST[RowPart.HALF if len(swarm.sharing) > 1 else RowPart.WHOLE]
 
 
 def _longest(swarm: Swarm) -> float:
@@ -192,14 +191,14 @@ def _longest(swarm: Swarm) -> float:
     return max(swarm.horizon(i) for i in swarm.normal)
 
 
-def uses_newest_inputs(swarm: Swarm) -> bool:
-    """Return whether rows use the last received û even if it may no longer be in force."""
-    return swarm.safety.counts_on_newest and len(swarm.normal) > 1
+def longest_delay(swarm: Swarm) -> float:
+    """Return the delay of broadcasts up to which received û in the rows are in force [s]."""
+    return swarm.safety.information_model.longest_delay if len(swarm.normal) > 1 else math.inf
 
 
 def _believed_liars(swarm: Swarm) -> list[str]:
     """Return the normal agents with declared lies, if rows use received inputs."""
-    if not swarm.safety.counts_on_received:
+    if not swarm.safety.information_model.counts_on_received:
         return []
     lies = (f for f in swarm.scenario.faults if isinstance(f, LieFault) and not f.silent)
     names = {fault.agent for fault in lies}
@@ -208,10 +207,10 @@ def _believed_liars(swarm: Swarm) -> list[str]:
 
 def _trusted_attackers(swarm: Swarm) -> list[str]:
     """Return the normal agents that declared faults turn, if rows of others count on them."""
-    safety, found = swarm.safety, set[str]()
+    model, found = swarm.safety.information_model, set[str]()
     for fault in swarm.scenario.faults:
-        lies = isinstance(fault, HijackFault) and safety.counts_on_received
-        if isinstance(fault, AttackFault) and (safety.joint or lies):
+        lies = isinstance(fault, HijackFault) and model.counts_on_received
+        if isinstance(fault, AttackFault) and (model.shares or lies):
             found.update(fault.agents or swarm.names)
     return [swarm.names[i] for i in swarm.normal if swarm.names[i] in found]
 
@@ -272,31 +271,16 @@ def _start_advice(report: CheckReport) -> list[str]:
 def _theorem_advice(swarm: Swarm, report: CheckReport) -> list[str]:
     """Return the unmet requirements of the paper's theorem, and the settings that meet them."""
     words = [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
-    safety = swarm.safety
-    if report.gaps:
-        wanted = {
-            "control": "distributed",
-            "composition": "pairs",
-            "margin": "integrated",
-            "information": "split" if safety.information.reads_roles else safety.information,
-        }
-        lacking = [f"{k} = '{v}'" for k, v in wanted.items() if getattr(safety, k) != v]
-        lacking += [] if safety.computes_margin else ["eta = 0"]
-        if lacking:
-            words.append(f"For proven rows set in [safety]: {', '.join(lacking)}.")
+    if report.gaps and (lacking := swarm.safety.lacking_for_proof):
+        words.append(f"For proven rows set in [safety]: {', '.join(lacking)}.")
     return words
 
 
 def _received_input_advice(swarm: Swarm) -> list[str]:
     """Return why rows should not use received inputs, if they do."""
-    words = []
-    if uses_newest_inputs(swarm):
-        words.append(
-            "safety.information = 'paper' assumes that each neighbour applies the last input "
-            "received of it. With any delay or loss, or if two agents sample at one instant, the "
-            "neighbour may apply another one: each agent's row holds, but not the joint condition. "
-            "Take 'in-flight' or 'unknown', or 'split' with composition = 'pairs'."
-        )
+    model, words = swarm.safety.information_model, []
+    if model.advice and len(swarm.normal) > 1:
+        words.append(model.advice)
     if turned := _trusted_attackers(swarm):
         words.append(
             f"Declared faults make adversaries of {', '.join(turned)}, and safety.information = "

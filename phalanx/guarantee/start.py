@@ -23,7 +23,6 @@ from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.rows.decision import least_violation
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import PairTerms, pair_rows
 from phalanx.theory.rows.row import Rows, joint_sum
 from phalanx.theory.rows.safety_filter import FilterInput
@@ -56,7 +55,7 @@ def rigorous(swarm: Swarm) -> SafetyRows:
         composition="pairs",
         margin="local",
         eta=0.0,
-        information=Information.SPLIT,
+        information="split",
         neighbourhood=None,
     )
 
@@ -85,9 +84,8 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     swarm, seen = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     if swarm.safety.pairwise:
-        sharing = swarm.normal if swarm.safety.joint else ()
-        return _pairs_feasible(rows.pair_terms(i)(x, seen, sharing), terms.polytopes[i])
-    return joint_sum(terms, swarm.normal if swarm.safety.joint else (i,)) <= 0
+        return _pairs_feasible(rows.pair_terms(i)(x, seen, swarm.sharing), terms.polytopes[i])
+    return joint_sum(terms, swarm.sharing or (i,)) <= 0
 
 
 def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:

@@ -192,8 +192,7 @@ def _paths_caption(recording: Recording) -> str:
 
 
 def _ages_caption(recording: Recording) -> str:
-    safety = recording.scenario.safety
-    why = "one controller decides" if safety.centralised else f"information is {safety.information}"
-    unused = f"received (no row uses them: {why})"
-    role = "that rows may use" if safety.counts_on_received else unused
+    model = recording.scenario.safety.information_model
+    unused = f"received (no row uses them: {model.label})"
+    role = "that rows may use" if model.counts_on_received else unused
     return f"Age of the inputs û {role}, at each receiver's steps."

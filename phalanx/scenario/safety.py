@@ -17,10 +17,11 @@ from phalanx.schema.fields import (
     field_error,
     number_or_table,
 )
-from phalanx.schema.registry import is_users
+from phalanx.schema.built_in import BUILT_IN
+from phalanx.schema.registry import is_users, lookup
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.margins.margin import Margin, MarginConstants, UsersMargin
-from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.information import Information, Together
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import HeadingAware, SafeSetFunction
 
@@ -60,7 +61,7 @@ class Safety(Strict):
     """The margin η as a number, or the constants of Lemma (constants) to compute it from."""
     xi: NonNegative = 0.0
     """ξ of Eq. (xi); used if q > 1 and the margin is paper or corrected."""
-    information: Information = Information.SPLIT
+    information: str = "split"
     """Assumption about the other normal agents' inputs."""
     silence: Positive = 1.0
     """A normal agent without a received broadcast for longer counts as an adversary [s]."""
@@ -86,6 +87,13 @@ class Safety(Strict):
         only_named = isinstance(given, dict) and list(given) == ["type"] and not is_users(given)
         return given["type"] if only_named else given
 
+    @field_validator("information")
+    @classmethod
+    def _model(cls, name: str) -> str:
+        if name not in BUILT_IN[Information]:
+            raise ValueError(f"expected {', '.join(map(repr, BUILT_IN[Information]))}")
+        return name
+
     @model_validator(mode="after")
     def _resolve(self) -> Self:
         if self.control == "centralised" and self.composition == "pairs":
@@ -94,9 +102,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.prove:
             message = "expected false: a centralised controller proves no inputs"
             raise field_error(("prove",), message, self.prove)
-        if self.control == "centralised" and not self.information.reads_roles:
+        if self.control == "centralised" and not self._named.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
-            raise field_error(("information",), message, self.information.value)
+            raise field_error(("information",), message, self.information)
         self.margin_kind  # noqa: B018 - its mistakes are said here
         if self.computes_margin and self.eta:
             message = f"expected no value, or 0: margin = '{self.margin_name}' computes it"
@@ -108,13 +116,13 @@ class Safety(Strict):
         if self.margin_name != "paper" and not self.pairwise:
             message = "expected 'paper', or composition = 'pairs': see docs/retired.md"
             raise field_error(("margin",), message, self.margin)
-        if self.information.shares and not (self.pairwise or self.centralised):
+        if self.information_model.shares and not (self.pairwise or self.centralised):
             message = "expected another, or composition = 'pairs': see docs/retired.md"
-            raise field_error(("information",), message, self.information.value)
+            raise field_error(("information",), message, self.information)
         self._function = built("function", SafeSetFunction, self.function)
-        if isinstance(self._function, HeadingAware) and not self.information.reads_roles:
+        if isinstance(self._function, HeadingAware) and not self._named.reads_roles:
             message = "expected another: h of 'heading-aware' depends on declared roles"
-            raise field_error(("information",), message, self.information.value)
+            raise field_error(("information",), message, self.information)
         self._alpha = tuple(_class_k(place, given) for place, given in enumerate(self.alpha))
         if self.limits_alpha and not isinstance(self._alpha[-1], Linear):
             message = "expected a number, or another margin: 'integrated' needs a linear α_q"
@@ -134,19 +142,27 @@ class Safety(Strict):
         return self.control == "centralised"
 
     @property
-    def joint(self) -> bool:
-        """True if rows assume the best effort of all normal agents: by shares, or centralised."""
-        return self.centralised or self.information.shares
+    def information_model(self) -> type[Information]:
+        """What rows assume of the other normal agents' inputs."""
+        return Together if self.centralised else self._named
 
     @property
-    def counts_on_received(self) -> bool:
-        """True if rows use inputs that other agents claim to apply."""
-        return self.information.counts_on_received and not self.centralised
+    def _named(self) -> type[Information]:
+        return lookup(Information, self.information)
 
     @property
-    def counts_on_newest(self) -> bool:
-        """True if rows use the last received input even if it may no longer be in force."""
-        return self.counts_on_received and self.information is Information.PAPER
+    def lacking_for_proof(self) -> list[str]:
+        """Fields to set for rows that are proven, such as "margin = 'integrated'"."""
+        proven = {"control": "distributed", "composition": "pairs", "margin": "integrated"}
+        if self._named.reads_roles:
+            proven["information"] = "split"
+        found = [f"{k} = '{v}'" for k, v in proven.items() if getattr(self, k) != v]
+        return found + ([] if self.computes_margin else ["eta = 0"])
+
+    def eta_at(self, gap: float, disturbances: float) -> float:
+        """η, given or from constants; arguments as MarginConstants.eta has them."""
+        eta = self.eta
+        return eta.eta(gap, disturbances) if isinstance(eta, MarginConstants) else eta
 
     @property
     def margin_name(self) -> str:

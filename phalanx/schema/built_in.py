@@ -10,6 +10,7 @@ from phalanx.theory.laws.law import Controller, Law
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.world import World
+from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.function import Limit, SafeSetFunction
 
@@ -44,6 +45,13 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "corrected": "phalanx.theory.margins.margin:CorrectedMargin",
         "local": "phalanx.theory.margins.margin:LocalMargin",
         "integrated": "phalanx.theory.margins.margin:IntegratedMargin",
+    },
+    Information: {
+        "paper": "phalanx.theory.rows.information:Paper",
+        "in-flight": "phalanx.theory.rows.information:InFlight",
+        "split": "phalanx.theory.rows.information:Split",
+        "worst-case": "phalanx.theory.rows.information:WorstCase",
+        "unknown": "phalanx.theory.rows.information:Unknown",
     },
     Reference: {
         "point": "phalanx.theory.laws.goals:FixedPoint",

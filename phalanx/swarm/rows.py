@@ -19,7 +19,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.margin import AgentMargin, MarginConstants
+from phalanx.theory.margins.margin import AgentMargin
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
@@ -79,7 +79,7 @@ class SafetyRows:
         Adversaries know everything. Rows with equal expressions are compiled once for all agents.
         """
         swarm = self.swarm
-        if swarm.safety.information.reads_roles or swarm.members[i].adversary:
+        if swarm.safety.information_model.reads_roles or swarm.members[i].adversary:
             return self
         if i not in self._views:
             view = build_rows(swarm.seen_by(i))
@@ -199,7 +199,7 @@ class SafetyRows:
         if safety.pairwise:
             psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
-        if of_all or (safety.information.reads_roles and not swarm.limited):
+        if of_all or (safety.information_model.reads_roles and not swarm.limited):
             return self.terms_of_all(0.0).psi
         # With limited sensing, or its own pairs alone, every agent composes its own set.
         views = [(i, self.seen_by(i).composed.of(i, swarm.sensing(i))) for i in swarm.normal]
@@ -207,14 +207,12 @@ class SafetyRows:
 
     def _eta(self, i: int) -> float:
         """Return η(Γ_i + δ^max) of agent i, given or from constants."""
-        eta = self.swarm.safety.eta
-        if not isinstance(eta, MarginConstants):
-            return eta
         groups = self.swarm.groups
         longest = groups[i].clock.period + max(group.clock.jitter for group in groups)
         disturbances = added(group.disturbance.bound for group in groups)
         # For q > 1 Eq. (etaprimedef) has no disturbance term; `corrected` adds D_q at each state.
-        return eta.eta(longest, disturbances if self.relative_degree == 1 else 0.0)
+        counted = disturbances if self.relative_degree == 1 else 0.0
+        return self.swarm.safety.eta_at(longest, counted)
 
     def _qp(self, i: int) -> NearestInput:
         return NearestInput(self.swarm.members[i].dynamics.input_metric())

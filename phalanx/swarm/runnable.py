@@ -179,7 +179,7 @@ def _evaluate_rows(rows: SafetyRows, i: int) -> None:
     for count in range(most + 1) if limited else (len(others),):
         seen = sorted((i, *others[:count]))
         if own is not None:
-            own(x, seen, swarm.normal if swarm.safety.joint else ())
+            own(x, seen, swarm.sharing)
         elif not swarm.safety.pairwise:
             found = terms(x, seen)
             found.psi, found.margin  # noqa: B018
@@ -281,7 +281,7 @@ def require_margin(
     swarm, kind = rows.swarm, rows.swarm.safety.margin_kind
     if not isinstance(kind, UsersMargin):
         return
-    terms = rows.pair_terms(i)(x, seen, swarm.normal if swarm.safety.joint else ())
+    terms = rows.pair_terms(i)(x, seen, swarm.sharing)
     for k in np.flatnonzero(~np.isfinite(terms.margin))[:1]:
         other = terms.others[k]
         beside = "an obstacle or a limit" if other is None else swarm.names[other]

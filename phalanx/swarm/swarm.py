@@ -25,7 +25,7 @@ from phalanx.theory.laws.goals import Stay
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.models.world import moves_by_itself
-from phalanx.theory.rows.information import InformationModel
+from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
@@ -255,12 +255,17 @@ class Swarm:
         clock = self.groups[i].clock
         return clock.period + clock.jitter + self.time.latency
 
-    def information(self) -> InformationModel:
+    def information(self) -> Information:
         """Return the model of which received inputs a row may use."""
         safety = self.safety
         clocks = {l: self.groups[l].clock for l in self.normal}
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
-        return InformationModel(safety.information, unchanged, safety.silence)
+        return safety.information_model(unchanged, safety.silence)
+
+    @property
+    def sharing(self) -> tuple[int, ...]:
+        """Indices of the agents that rows expect to do their best while none is silent."""
+        return self.normal if self.safety.information_model.shares else ()
 
     def law(self, i: int) -> Law:
         """Build a new law for agent i. Raises ScenarioError if it does not fit the swarm."""
@@ -360,7 +365,7 @@ def build_swarm(scenario: Scenario) -> Swarm:
     try:
         function = safety.safe_set_function
         composed = compose(members, scenario.static, function, safety.rho)
-        pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.alpha))
+        pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.class_k))
     except (ValueError, EmptyPolytopeError) as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
     except Exception as error:  # CasADi's, on a user's expressions

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
-from phalanx.theory.rows.information import InformationModel, ReceivedInput
+from phalanx.theory.rows.information import Information, ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
@@ -56,7 +56,7 @@ class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
     def __init__(
-        self, i: int, information: InformationModel, qp: NearestInput, authority: float
+        self, i: int, information: Information, qp: NearestInput, authority: float
     ) -> None:
         """authority: as in decide."""
         self.i, self._information = i, information
@@ -74,11 +74,10 @@ class PairwiseFilter:
     """One row for each pair of the agent's own that it sees."""
 
     def __init__(
-        self, i: int, information: InformationModel, qp: NearestInput, terms: OwnPairTerms
+        self, i: int, information: Information, qp: NearestInput, terms: OwnPairTerms
     ) -> None:
         """terms: of agent i's pairs."""
         self.i, self._information, self._qp, self._terms = i, information, qp, terms
-        self._split = information.kind.shares
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
@@ -89,14 +88,14 @@ class PairwiseFilter:
     def _rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
         """A row for each pair, and the agents whose û_l is in one."""
         information, i = self._information, self.i
-        if self._split:
+        if information.shares:
             sharing = information.sharing(i, now.received, now.t, now.seen)
             return pair_rows(self._terms(now.x, now.seen, sharing), {}), []
         counted = _believed(information, now)
         return pair_rows(self._terms(now.x, now.seen), counted), list(counted)
 
 
-def _believed(information: InformationModel, now: FilterInput) -> dict[int, tuple[float, ...]]:
+def _believed(information: Information, now: FilterInput) -> dict[int, tuple[float, ...]]:
     """û_l by agent, where it counts; an input that l's actuators do not take must be false."""
     usable, polytopes = information.usable(now.received, now.t), now.terms.polytopes
     return {l: u for l, u in usable.items() if polytopes[l].takes(u)}

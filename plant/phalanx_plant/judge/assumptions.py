@@ -14,7 +14,6 @@ from phalanx.messages.kinds import Telemetry
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.world import WorldNote
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx_plant.judge.claims import Claims
 from phalanx_plant.world.evaluation import EvaluatedSteps
@@ -62,8 +61,8 @@ class Assumptions:
             "of the sender's input, and no false broadcast had claimed it",
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
-        self._each_alone = swarm.safety.information is Information.UNKNOWN
-        if self._each_alone:
+        self._model = swarm.safety.information_model
+        if not self._model.reads_roles:
             self._faithful.note = (
                 "no normal agent fell silent; others may turn, as rows count everyone at worst: "
                 "the theorem promises every pair with an agent that did not"
@@ -124,7 +123,7 @@ class Assumptions:
         safety = self._swarm.safety
         if safety.centralised:
             return [*found, self._synchronous]
-        believed = safety.counts_on_received and self._filtered
+        believed = self._model.counts_on_received and self._filtered
         return [*found, self._fresh, self._claims.truthful] if believed else found
 
     def add(self, piece: DisturbanceKnot | WorldNote) -> None:
@@ -206,7 +205,7 @@ class Assumptions:
         self._prompt.check(t_apply - t <= self._latency + _ROUNDING, t_apply)
         if i in self._swarm.normal:
             if telemetry.report.origin == Origin.ATTACK:
-                self._faithful.check(self._each_alone, t)
+                self._faithful.check(not self._model.reads_roles, t)
             else:
                 self._made(event, telemetry)
         self._in_force[i] = t_apply

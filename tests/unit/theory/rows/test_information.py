@@ -3,9 +3,11 @@
 import pytest
 
 from phalanx.network.inbox import Claim
-from phalanx.theory.rows.information import Information, InformationModel
+from phalanx.schema.registry import BUILT_IN
+from phalanx.theory.rows.information import InFlight, Information, Paper, Split, WorstCase
+from tests.unit.swarms import rows_of_scenario
 
-PLENTY = InformationModel(Information.IN_FLIGHT, {0: 0.008, 1: 0.008}, 1.0)
+PLENTY = InFlight({0: 0.008, 1: 0.008}, 1.0)
 
 
 def test_in_flight_trusts_an_input_only_while_no_newer_one_can_be_in_force():
@@ -18,19 +20,36 @@ def test_in_flight_does_not_trust_the_input_of_an_agent_that_may_sample_at_this_
     assert PLENTY.usable({1: Claim(0.1, (1.0, 1.0))}, 0.1 + 0.008) == {}
 
 
-@pytest.mark.parametrize("information", [Information.SPLIT, Information.WORST_CASE])
+@pytest.mark.parametrize("information", [Split, WorstCase])
 def test_split_and_worst_case_count_on_no_received_input(information):
-    trust = InformationModel(information, {0: 0.008, 1: 0.008}, 1.0)
+    trust = information({0: 0.008, 1: 0.008}, 1.0)
     assert trust.usable({1: Claim(0.0, (1.0, 1.0))}, 0.0) == {}
 
 
 def test_a_silent_neighbour_is_counted_on_no_more():
     heard = {1: Claim(0.5, (1.0, 1.0))}
-    paper = InformationModel(Information.PAPER, {0: 0.008, 1: 0.008}, 1.0)
+    paper = Paper({0: 0.008, 1: 0.008}, 1.0)
     assert list(paper.usable(heard, 1.4)) == [1]
     assert list(paper.usable(heard, 1.6)) == []
-    split = InformationModel(Information.SPLIT, {0: 0.008, 1: 0.008}, 1.0)
-    assert split.sharing(0, {}, 0.9) == [0, 1]
-    assert split.sharing(0, {}, 1.1) == [0]
-    assert split.sharing(0, heard, 1.4) == [0, 1]
-    assert split.sharing(0, heard, 1.6) == [0]
+    split = Split({0: 0.008, 1: 0.008}, 1.0)
+    assert split.sharing(0, {}, 0.9, (0, 1)) == [0, 1]
+    assert split.sharing(0, {}, 1.1, (0, 1)) == [0]
+    assert split.sharing(0, heard, 1.4, (0, 1)) == [0, 1]
+    assert split.sharing(0, heard, 1.6, (0, 1)) == [0]
+
+
+class Newest(Information):
+    """Believes the newest input for ever."""
+
+    label = "information is newest"
+    counts_on_received = True
+
+    def counts(self, l, received, t):
+        return True
+
+
+def test_a_new_model_is_a_class_and_its_name(monkeypatch):
+    monkeypatch.setitem(BUILT_IN[Information], "newest", Newest)
+    rows = rows_of_scenario("unicycles", "safety.information=newest")
+    assert list(rows.swarm.information().usable({1: Claim(0.0, (1.0, 1.0))}, 99.0)) == [1]
+    assert rows.swarm.safety.information_model.reads_roles
