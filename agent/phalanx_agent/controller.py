@@ -136,7 +136,6 @@ class CentralisedController:
         swarm = rows.swarm
         first = swarm.normal[0]
         self.rows, self._normal = rows, swarm.normal
-        self._authority = swarm.safety.authority
         self._nominal = [CheckedInput(swarm.law(l), swarm.members[l]) for l in self._normal]
         self._goals = [swarm.goal(l) for l in self._normal]
         self._parts = swarm.safe_set.parts
@@ -162,7 +161,7 @@ class CentralisedController:
             nominal(View(l, states, normal, goal(t, states), terms, t))
             for l, nominal, goal in zip(normal, self._nominal, self._goals, strict=True)
         ]
-        decisions = self._qp.decide(terms, normal, u_nom, self._authority)
+        decisions = self._qp.decide(terms, normal, u_nom)
         return {
             l: StepResult(decision, nominal, [])
             for l, decision, nominal in zip(normal, decisions, u_nom, strict=True)

@@ -30,7 +30,7 @@ def check(
     Examples:
 
       phalanx check unicycles
-      phalanx check unicycles --set safety.margin=local --set safety.eta=0
+      phalanx check guaranteed --set safety.margin=local
       phalanx check unicycles --set network.loss=0.3 --set safety.information=in-flight
     """
     import phalanx

@@ -74,8 +74,6 @@ class Safety(Strict):
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
-    authority: NonNegative = 0.01
-    """Least span max c_i u - min c_i u of the composed row with which an agent applies a backup."""
 
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()
@@ -143,7 +141,7 @@ class Safety(Strict):
 
     @property
     def information_model(self) -> type[Information]:
-        """What rows assume of the other normal agents' inputs."""
+        """Assumptions of rows on the other normal agents' inputs."""
         return Together if self.centralised else self._named
 
     @property

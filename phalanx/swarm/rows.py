@@ -98,7 +98,7 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not safety.pairwise:
-            return ComposedFilter(i, information, self._qp(i), safety.authority)
+            return ComposedFilter(i, information, self._qp(i))
         return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:

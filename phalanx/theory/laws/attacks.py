@@ -148,16 +148,12 @@ class _Team:
             stacked[self._states[place]] = x[self._team[place]]
         terms = self._terms(stacked, seen)
         row = split_row(terms, self._self, seen)
-        return decide(terms, self._self, row, u_nom, self._qp, _AUTHORITY).u
+        return decide(terms, self._self, row, u_nom, self._qp).u
 
 
 def _terms_of(guard: Guard, team: Sequence[Member], around: Sequence[Obstacle]) -> SwarmTerms:
     pairs = SwarmPairs(team, around, Separation(guard.radius), len(guard.alpha))
     return SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
-
-
-_AUTHORITY = 0.01
-"""Plays the part of safety.authority: with a smaller span the backup could not help."""
 
 
 @dataclass

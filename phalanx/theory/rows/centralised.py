@@ -28,27 +28,20 @@ class JointInput:
         self._qp = NearestInput(metric)
         self._alone = [NearestInput(d.input_metric()) for d in dynamics]
 
-    def decide(
-        self,
-        terms: Terms,
-        normal: Sequence[int],
-        u_nom: Sequence[Array],
-        authority: float = 0.0,
-    ) -> list[Decision]:
+    def decide(self, terms: Terms, normal: Sequence[int], u_nom: Sequence[Array]) -> list[Decision]:
         """Every normal agent's input; where K is empty, every agent's own u_i^min.
 
         Args:
             terms: at the common sample.
             normal: the normal agents, in the order of their dynamics.
             u_nom: their nominal inputs, shapes (m_i,).
-            authority: as decision.decide has it.
         """
         row = joint_row(terms, normal)
         least = added(terms.least[l] for l in normal)
         if least > row.bound:
             empty = finite_or_none(least - row.bound), finite_or_none(terms.margin)
             own = zip(normal, u_nom, self._alone, strict=True)
-            return [Decision(*backup(terms, l, u, qp, authority), *empty) for l, u, qp in own]
+            return [Decision(*backup(terms, l, u, qp), *empty) for l, u, qp in own]
         origin = Origin.QP
         u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
         if u is None:

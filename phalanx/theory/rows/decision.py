@@ -11,6 +11,9 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows, Terms
 from phalanx.theory.safety.composition import FAR
 
+AUTHORITY = 0.01
+"""Least span max c_i u - min c_i u of the composed row with which an agent applies a backup."""
+
 
 class Decision(Struct, frozen=True):
     """An agent's input and how it came about."""
@@ -39,7 +42,12 @@ def require_numbers(*of_a_row: Array | float) -> None:
 
 
 def decide(
-    terms: Terms, i: int, row: Row, u_nom: Array, qp: NearestInput, authority: float
+    terms: Terms,
+    i: int,
+    row: Row,
+    u_nom: Array,
+    qp: NearestInput,
+    authority: float = AUTHORITY,
 ) -> Decision:
     """Solve agent i's QP; fall back to u_i^min, never to zero.
 
@@ -70,7 +78,7 @@ def decide(
 
 
 def backup(
-    terms: Terms, i: int, u_nom: Array, qp: NearestInput, authority: float
+    terms: Terms, i: int, u_nom: Array, qp: NearestInput, authority: float = AUTHORITY
 ) -> tuple[Array, Origin]:
     """Agent i's input where K is empty, shape (m_i,); arguments as decide has them."""
     if terms.most[i] - terms.least[i] <= authority:

@@ -55,18 +55,14 @@ class SafetyFilter(Protocol):
 class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
-    def __init__(
-        self, i: int, information: Information, qp: NearestInput, authority: float
-    ) -> None:
-        """authority: as in decide."""
-        self.i, self._information = i, information
-        self._qp, self._authority = qp, authority
+    def __init__(self, i: int, information: Information, qp: NearestInput) -> None:
+        self.i, self._information, self._qp = i, information, qp
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
         terms, c, counted = now.terms, now.terms.c, _believed(self._information, now)
         row = paper_row(terms, self.i, counted)
-        decision = decide(terms, self.i, row, now.u_nom, self._qp, self._authority)
+        decision = decide(terms, self.i, row, now.u_nom, self._qp)
         return Filtered(decision, [l for l in counted if l in c and any(c[l].tolist())], row)
 
 
