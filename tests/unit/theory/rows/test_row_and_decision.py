@@ -120,46 +120,6 @@ def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed)
     assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL))
 
 
-@pytest.mark.slow
-@given(
-    seed=seeds, used=st.floats(0.0, 1.5), missing=st.tuples(*[st.sets(st.sampled_from(NORMAL))] * 3)
-)
-def test_who_takes_others_for_silent_keeps_a_share_that_is_no_larger(seed, used, missing):
-    """Any agent's view of the others. All use all of their share; η is such that T = -used W."""
-    terms = terms_function()(drawn(seed)[1])
-    offset = joint_sum(terms, NORMAL) + used * spans_of(terms, NORMAL).sum()
-    terms = terms._replace(margin=terms.margin - offset)
-    joint = joint_sum(terms, NORMAL)
-    for i, silent in zip(NORMAL, missing, strict=True):
-        row = split_row(terms, i, [l for l in NORMAL if l == i or l not in silent])
-        joint += max(0.0, min(row.bound, terms.most[i]) - terms.least[i])
-    assert joint <= 0.01 * len(NORMAL), "but for what an agent without authority counts as"
-
-
-@pytest.mark.slow
-@given(seed=seeds)
-def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
-    terms = terms_function()(drawn(seed)[1])
-    idle = {**terms.most, NORMAL[0]: terms.least[NORMAL[0]]}
-    first, *others = shares(terms._replace(most=idle), NORMAL).tolist()
-    assert first < shares(terms, NORMAL)[0]
-    spans = spans_of(terms, NORMAL[1:])
-    assert first <= 0.01 / spans.sum()
-    assert sum(others) >= 1.0 - 0.01 / spans.sum()
-
-
-@pytest.mark.slow
-@given(seed=seeds)
-def test_shares_change_no_faster_than_spans_do(seed):
-    """|ω(x) - ω(y)| summed is at most twice what the spans changed, over their sum."""
-    rng, x, _ = drawn(seed)
-    here, there = terms_function()(x), terms_function()(x + 1e-3 * rng.normal(size=len(x)))
-    change = np.abs(shares(here, NORMAL) - shares(there, NORMAL)).sum()
-    own = list(NORMAL)
-    spans, others = (spans_of(t, own) for t in (here, there))
-    assert change <= 2.0 * np.abs(spans - others).sum() / spans.sum() + 1e-12
-
-
 def solver(i: int) -> NearestInput:
     return NearestInput(swarm().composed.members[i].dynamics.input_metric())
 
