@@ -207,14 +207,17 @@ start = [[-2.0, 0.0], [2.0, 0.1], [0.0, 2.5]]
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize("control", ["distributed", "centralised"])
+@pytest.mark.parametrize(
+    ("control", "composition"), [("distributed", "pairs"), ("centralised", "lse")]
+)
 def test_what_a_users_classes_remember_is_each_agents_own_in_both_engines(
-    tmp_path, monkeypatch, control
+    tmp_path, monkeypatch, control, composition
 ):
     (tmp_path / "remembering.py").write_text(REMEMBERING)
     (tmp_path / "own.toml").write_text(REGATTA)
     monkeypatch.chdir(tmp_path)
-    scenario = phalanx.load("own.toml", {"safety.control": control})
+    safety = {"safety.control": control, "safety.composition": composition}
+    scenario = phalanx.load("own.toml", safety)
     run = phalanx.run(scenario, engine="in-process")
     assert run.verdict in (Outcome.GUARANTEED, Outcome.SAFE)
     assert run.verify(engine="processes")
