@@ -23,7 +23,7 @@ from stale_input import certificates, rows_with, words
 from variants import simulated
 
 import phalanx
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.theory.rows.information import Information
 
 LIES = {

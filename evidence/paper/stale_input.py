@@ -27,7 +27,7 @@ from variants import simulated
 
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, field_validator, model_validator
 
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.fields import (
     NUMBER,
     TABLE,
@@ -17,7 +18,6 @@ from phalanx.schema.fields import (
     field_error,
     number_or_table,
 )
-from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.registry import is_users, lookup
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.margins.margin import Margin, MarginConstants, UsersMargin

@@ -3,7 +3,7 @@
 import pytest
 
 from phalanx.network.inbox import Claim
-from phalanx.schema.registry import BUILT_IN
+from phalanx.schema.built_in import BUILT_IN
 from phalanx.theory.rows.information import InFlight, Information, Paper, Split, WorstCase
 from tests.unit.swarms import rows_of_scenario
 
@@ -49,7 +49,7 @@ class Newest(Information):
 
 
 def test_a_new_model_is_a_class_and_its_name(monkeypatch):
-    monkeypatch.setitem(BUILT_IN[Information], "newest", Newest)
+    monkeypatch.setitem(BUILT_IN[Information], "newest", f"{__name__}:Newest")
     rows = rows_of_scenario("unicycles", "safety.information=newest")
     assert list(rows.swarm.information().usable({1: Claim(0.0, (1.0, 1.0))}, 99.0)) == [1]
     assert rows.swarm.safety.information_model.reads_roles
