@@ -38,7 +38,7 @@ PACKAGES: Mapping[str, str] = {"certify": "phalanx-certify", "ros2": "phalanx-ro
 
 
 class MissingExtensionError(ImportError):
-    """What the message names is not installed."""
+    """A library, package or extension that the message names is not installed."""
 
 
 @contextmanager

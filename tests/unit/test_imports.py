@@ -98,7 +98,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_viewer.plots": CURVES | rooms("viewer.scene viewer.feeds"),
     "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx_viewer.export": CURVES | rooms("report viewer.scene viewer.feeds viewer.plots"),
-    # Packages beside the product, in packages/.
+    # Packages of their own, in packages/.
     "phalanx_certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
     "phalanx_certify.checker": rooms("theory.models theory.safety scenario"),
