@@ -59,7 +59,7 @@ _BOX = {"center": [1.0, 2.0], "size": [1.0, 1.0], "clearance": 0.5}
 _POLYGON = {"corners": [[2.0, 2.0], [4.0, 2.0], [3.0, 4.0]], "clearance": 0.5}
 _FENCE = {"type": "fence", "center": [0.0, 0.0], "radius": 9.0}
 _SMALL: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("one-on-one", {"safety.information": "split", "agents.0.disturbance": {"bound": 0.1}}),
+    ("one-on-one", {**_PAIRS, "agents.0.disturbance": {"bound": 0.1}}),
     ("one-on-one", {**_PAIRS, "safety.margin": "integrated", "agents.0.sensing": 5.0}),
     ("one-on-one", {**_PAIRS, "safety.margin": "local", "safety.function.type": "distance"}),
     ("one-on-one", {**_CARS, "agents.0.controller": {"type": "cbf-qp"}}),
