@@ -14,10 +14,7 @@ High-Relative-Degree Safety Constraints*. Safe is ``h <= 0`` throughout.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from phalanx.extensions import extras_named
-
 if TYPE_CHECKING:
-    from phalanx import metrics
     from phalanx.faults.commands import Command, CommandKind, CommandPolicy
     from phalanx.guarantee.check import check
     from phalanx.guarantee.check_report import CheckReport
@@ -30,6 +27,7 @@ if TYPE_CHECKING:
     from phalanx.launcher.stepped import SteppedRun, start
     from phalanx.launcher.verify import Verification
     from phalanx.messages.kinds import Status
+    from phalanx.recording import metrics
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError, load, shipped
     from phalanx.scenario.model import Scenario
@@ -58,7 +56,7 @@ _HOMES = {
     "Violation": "phalanx.guarantee.verdict",
     "check": "phalanx.guarantee.check",
     "load": "phalanx.scenario.load",
-    "metrics": "phalanx.metrics",
+    "metrics": "phalanx.recording.metrics:",
     "open": "phalanx.launcher.run:open_run",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
@@ -104,10 +102,12 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, attribute = _HOMES[name].partition(":")
+    module, colon, attribute = _HOMES[name].partition(":")
+    from phalanx.schema.extensions import extras_named
+
     with extras_named():
         value = importlib.import_module(module)
-    if module != f"{__name__}.{name}":  # a package of ours is its own value
+    if attribute or not colon:  # else the package itself
         value = getattr(value, attribute or name)
     globals()[name] = value
     return value

@@ -9,9 +9,6 @@ CasADi's, arrays numpy's, units SI, and safe is h <= 0.
 Names that are not in this module may change at any time.
 """
 
-from phalanx.arrays import Array
-from phalanx.baselines.barrier import BarrierQP, LyapunovBarrierQP
-from phalanx.baselines.plain import Escape, Nominal
 from phalanx.launcher.streams import echo, echo_error
 from phalanx.network.rule import (
     CORRUPT,
@@ -24,6 +21,9 @@ from phalanx.network.rule import (
     Treatment,
     delay,
 )
+from phalanx.theory.arrays import Array
+from phalanx.theory.baselines.barrier import BarrierQP, LyapunovBarrierQP
+from phalanx.theory.baselines.plain import Escape, Nominal
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 
 from phalanx.messages.keys import kind_and_name
 from phalanx.messages.kinds import Broadcast, Sample
+from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed, Refusals, Sealer
-from phalanx.profile import Stopwatch
 from phalanx.swarm.watchdog import Watchdog
 from phalanx_agent.step import Accepted, Answer, ControlStep
 

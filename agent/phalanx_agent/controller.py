@@ -7,13 +7,13 @@ from typing import Protocol, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
 from phalanx.guarantee.proven_filter import ProvenFilter
 from phalanx.messages.step_report import StepReport
 from phalanx.schema.registry import construct
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import CheckedInput, Law, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision

@@ -14,9 +14,9 @@ from queue import SimpleQueue
 from phalanx.messages.keys import PLANT, Keys
 from phalanx.messages.kinds import LONGEST_FAILURE, StepFailedError, Telemetry
 from phalanx.messages.membership import Membership
+from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Sealer
 from phalanx.messages.step_report import StepReport
-from phalanx.profile import Stopwatch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
 from phalanx.messages.kinds import (
     LONGEST_FAILURE,
@@ -28,6 +27,7 @@ from phalanx.swarm.runnable import mistake_at
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watch import Watch
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput

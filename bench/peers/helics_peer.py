@@ -30,7 +30,6 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.run import PlantRun
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents, RecordsInMemory
@@ -41,6 +40,7 @@ from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 
 sys.path.append(str(Path(__file__).parents[1] / "speed"))
 from scale import apart

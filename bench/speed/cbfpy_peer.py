@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from cbfpy import CBF, CBFConfig
 
-from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.row import Terms

@@ -25,11 +25,11 @@ import numpy as np
 from cbfpy_peer import Peer, push
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.network.inbox import Claim
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.report.style import LIMIT, MUTED, PEAK, style_axes
+from phalanx.theory.arrays import Array
 from tests.network.pictured_faults import (
     AGENT,
     DURATION,

@@ -13,11 +13,11 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from phalanx.arrays import Array
 from phalanx.report.style import style_axes
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.margins.integrated import RowPart
 

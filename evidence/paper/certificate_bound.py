@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
 from phalanx.theory.margins.integrated import INFLATIONS, growth
 from phalanx.theory.models.dynamics import Dynamics

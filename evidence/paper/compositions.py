@@ -16,11 +16,11 @@ from rich.progress import track
 from variants import HEAD, measure, row, simulated
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.guarantee.formula import Formula
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.margins.local import UNKNOWN
 
 SIMULATIONS = {"Simulation 1": "unicycles", "Simulation 2": "formation3d"}

@@ -10,9 +10,9 @@ import numpy as np
 from phalanx_agent.controller import DistributedController
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 
 VARIANTS: Mapping[str, Mapping[str, object]] = {
     "split": {"safety.information": "split"},

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.extend import (
     DoubleIntegrator,
     Dynamics,
@@ -19,6 +18,7 @@ from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import steps_by_agent, swarm_of
 from phalanx.schema.registry import construct
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.aerial import GRAVITY
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import polars as pl
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import Recording, swarm_of
@@ -22,6 +21,7 @@ from phalanx.studies.identity import Identity
 from phalanx.studies.row import Row, row_of
 from phalanx.studies.work import Job, row_by
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array
 
 
 class Variant(NamedTuple):

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 import numpy as np
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
 from phalanx.seeded.draws import Draws
-from phalanx.statistics.distributions import conformal_bound
+from phalanx.studies.statistics.distributions import conformal_bound
+from phalanx.theory.arrays import Array
 from tests.unit.guarantee.test_disturbance_ledger import MODELS, WINDOWS, explained, windows
 
 SIZES = 1e-3, 0.03, 0.3

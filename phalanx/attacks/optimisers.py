@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from phalanx.attacks.knobs import Point
-from phalanx.extensions import extras_named
+from phalanx.schema.extensions import extras_named
 from phalanx.seeded.draws import Draws
 
 _STALE = 8

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from phalanx.arrays import Array
 from phalanx.attacks.archive import Behaviour, Find, table_of
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History, Search
@@ -17,6 +16,7 @@ from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panel
 from phalanx.scenario.load import load
 from phalanx.studies.page.svg import svg_of
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 
 _HEIGHT = 3.0
 """[inch]"""

@@ -12,7 +12,9 @@ from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant, tap
 from phalanx.cli.run import run
 from phalanx.cli.runs import runs, scenarios, verify
-from phalanx.extensions import (
+from phalanx.launcher import interrupt
+from phalanx.launcher.streams import echo, echo_error
+from phalanx.schema.extensions import (
     PACKAGES,
     REINSTALL,
     MissingExtensionError,
@@ -20,8 +22,6 @@ from phalanx.extensions import (
     commands,
     extras_named,
 )
-from phalanx.launcher import interrupt
-from phalanx.launcher.streams import echo, echo_error
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
 _PROGRAMS = "Programs of a run"

@@ -14,10 +14,10 @@ from phalanx.cli.options import Trust
 from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
-    from phalanx.arrays import Array
     from phalanx.recording.disturbances import AgentDisturbances
     from phalanx.scenario.agents import AgentGroup
     from phalanx.scenario.model import Scenario
+    from phalanx.theory.arrays import Array
 
 commands = typer.Typer(no_args_is_help=True, help="Fits of a scenario's fields to recorded runs.")
 _ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
@@ -88,7 +88,7 @@ class _Fit(NamedTuple):
 def _fit(found: "AgentDisturbances", level: float) -> _Fit:
     import numpy as np
 
-    from phalanx.statistics.distributions import conformal_bound
+    from phalanx.studies.statistics.distributions import conformal_bound
 
     return _Fit(
         float(found.size.max()),

@@ -19,10 +19,10 @@ from phalanx.cli.options import (
     Seed,
     Speed,
 )
-from phalanx.extensions import MissingExtensionError, extension
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 from phalanx.launcher.streams import echo, echo_error
+from phalanx.schema.extensions import MissingExtensionError, extension
 
 if TYPE_CHECKING:
     from phalanx import Outcome, Run
@@ -216,7 +216,7 @@ def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
 def _task(finished: "Run") -> str:
     """Describe how the swarm did its task; of a large recording, where to find that."""
     from phalanx import UnreadableRecordingError
-    from phalanx.metrics.table import in_words, metrics_of
+    from phalanx.recording.metrics.table import in_words, metrics_of
     from phalanx.recording.read import find, swarm_of
     from phalanx.theory.expressions.user_methods import MistakenMethodError
 

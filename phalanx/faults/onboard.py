@@ -8,7 +8,6 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from phalanx.arrays import Array
 from phalanx.faults.fault import (
     AgentFacts,
     AgentFault,
@@ -24,6 +23,7 @@ from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, Positive, field_error
 from phalanx.seeded.draws import SamplingClock, Seeds, Tables
+from phalanx.theory.arrays import Array
 
 _LEAST_DRIFT, _MOST_DRIFT = -0.5, 10.0
 """Of one drift, and of the sum of all that are in force."""

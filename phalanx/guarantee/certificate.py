@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import (
     DEFECT,
     MULTIPLES,
@@ -18,6 +17,7 @@ from phalanx.guarantee.certificate import (
     pair_certificate,
 )
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.safety.class_k import ClassK

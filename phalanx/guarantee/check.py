@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.guarantee.check_report import (
     BoundaryCondition,
     CheckReport,
@@ -39,6 +38,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.decision import NotANumberError
 from phalanx.theory.rows.row import joint_sum
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates

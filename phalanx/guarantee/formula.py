@@ -13,10 +13,10 @@ from typing import Literal, NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
 from phalanx.theory.margins.margin import MarginConstants

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from phalanx.arrays import Array, Mask
 from phalanx.guarantee.certificates import QUIET, Near, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import decide_pairs
 from phalanx.theory.rows.origin import Origin

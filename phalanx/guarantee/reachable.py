@@ -9,9 +9,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT, MULTIPLES, reach_within
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.extension import extend

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import highest_within
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.runnable import first_nominal
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Polytope, constant_polytope

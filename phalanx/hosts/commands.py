@@ -120,8 +120,8 @@ def router(
       phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
-    from phalanx.identities import admission
     from phalanx.launcher.programs import configure_logging
+    from phalanx.messages.admission import admission
     from phalanx.messages.keys import ROUTER
     from phalanx.messages.membership import Membership
     from phalanx.scenario.load import load

@@ -16,20 +16,20 @@ from phalanx_plant.observers.recorder import RecordSink
 from phalanx_plant.run import PlantRun
 from phalanx_plant.world.events import SwarmBrokenError
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions, silent
 from phalanx.messages.kinds import Sample, Status, StepFailedError, Telemetry
+from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed
-from phalanx.profile import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_summary
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 
 T = TypeVar("T")
 

@@ -13,7 +13,7 @@ import signal
 import sys
 from multiprocessing.context import ForkServerContext
 
-from phalanx.compat.forkserver import importing_as_here
+from phalanx.launcher.forkserver import importing_as_here
 
 _PROGRAMS = ["phalanx.launcher.fork_server", "phalanx_plant.main", "phalanx_agent.main"]
 """Modules that have imported all that a run needs but the scenario's own code."""

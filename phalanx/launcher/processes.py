@@ -10,11 +10,11 @@ from collections.abc import Sequence, Set
 from multiprocessing.connection import wait
 from pathlib import Path
 
-from phalanx.compat.forkserver import without_main
 from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Report, StartRequest, serve
+from phalanx.launcher.forkserver import without_main
 from phalanx.launcher.libraries import require_handles, start_loading
 from phalanx.launcher.programs import Program
 from phalanx.messages.credentials import COMMAND_SECRET, SECRET

@@ -8,13 +8,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
-from phalanx.profile import read_profile
+from phalanx.messages.profile import read_profile
 from phalanx.recording.read import Recording, read, swarm_of
 from phalanx.recording.records import PROFILE
 from phalanx.scenario.model import Scenario
+from phalanx.schema.extensions import extension
 from phalanx.swarm.swarm import Swarm
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Run:
     @cached_property
     def metrics(self) -> "pl.DataFrame":
         """Metrics of the task, of each agent and the swarm: `phalanx.metrics.of(run)`."""
-        from phalanx.metrics.table import of
+        from phalanx.recording.metrics.table import of
 
         return of(self)
 

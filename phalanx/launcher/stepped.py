@@ -14,7 +14,6 @@ from types import TracebackType
 
 from phalanx_plant.run import ENDINGS, End, ended_by
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import (
     NO_COMMANDS,
     Command,
@@ -37,6 +36,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import error_line
 
 

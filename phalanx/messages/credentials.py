@@ -55,7 +55,7 @@ class Admission:
     passwords: Mapping[str, str] = field(repr=False)
     """By name."""
     access_control: Mapping[str, Any]
-    """As phalanx.identities makes it."""
+    """As phalanx.messages.admission makes it."""
     identity_folder: Path | None = None
     """The folder of the hub's TLS identity; it then admits identities of the same authority in
     place of passwords."""

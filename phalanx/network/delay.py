@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, Lt
 
-from phalanx.arrays import Array
 from phalanx.network.rule import BASIC, DELIVER, DROP, Copy, Message, Treatment, delay
 from phalanx.schema.fields import NonNegative, Positive, Probability
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions import exponential
 
 _ROUNDING = 1e-6

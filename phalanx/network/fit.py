@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from phalanx.arrays import Array, Mask
 from phalanx.network.delay import Distribution, quantile
+from phalanx.theory.arrays import Array, Mask
 
 Unit = Literal["s", "ms", "us"]
 _SECONDS: Mapping[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6}

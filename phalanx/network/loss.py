@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from annotated_types import Ge, Lt
 
-from phalanx.arrays import Array, Mask
 from phalanx.network.rule import (
     BASIC,
     CORRUPT,
@@ -16,6 +15,7 @@ from phalanx.network.rule import (
     Treatment,
 )
 from phalanx.schema.fields import NonNegative, Probability
+from phalanx.theory.arrays import Array, Mask
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from phalanx.arrays import Array, Mask
 from phalanx.seeded.draws import Draws
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 
 

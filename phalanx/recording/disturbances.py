@@ -6,11 +6,11 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Dynamics

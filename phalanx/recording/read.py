@@ -20,7 +20,6 @@ from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metada
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from zstandard import ZstdError, frame_content_size
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command, turns
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, make_importable
@@ -29,6 +28,7 @@ from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST_SUM
 
 _LARGEST_CHUNK = 4 * 2**20

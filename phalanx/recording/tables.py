@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phalanx.arrays import Array
-from phalanx.extensions import extras_named
 from phalanx.guarantee.verdict import Summary
+from phalanx.messages.profile import TimeSpent
 from phalanx.messages.step_report import QUANTITIES
-from phalanx.profile import TimeSpent
 from phalanx.recording.read import Recording
+from phalanx.schema.extensions import extras_named
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added
 
 with extras_named():

@@ -11,10 +11,10 @@ from typing import Self
 
 import msgspec
 
-from phalanx.compat.mcap_chunks import PackedWriter
 from phalanx.faults.commands import Command
 from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.recording.mcap_chunks import PackedWriter
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, State, Step, StepData, json_schema, schema_name
 from phalanx.scenario.load import digest, to_json

@@ -15,16 +15,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
 
-from phalanx.arrays import Array
-from phalanx.curves.history import EMPTY_CODES, RecordedHistory, ReportHistory
 from phalanx.faults.commands import Condition
 from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.broadcasts import FATES, LOST
+from phalanx.recording.curves.history import EMPTY_CODES, RecordedHistory, ReportHistory
 from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_scene, scene_box
 from phalanx.report.safety import draw_h, required_distance
 from phalanx.report.style import LIMIT, NORMAL, PEAK, colours, summarises
+from phalanx.theory.arrays import Array
 
 _FORMATS = (".gif", ".webp", ".mp4")
 _UNITS = {".gif": 10, ".webp": 1}

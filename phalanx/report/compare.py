@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from phalanx.curves.history import ReportHistory
-from phalanx.curves.series import Series
-from phalanx.metrics.table import metrics_of, swarm_rows
+from phalanx.recording.curves.history import ReportHistory
+from phalanx.recording.curves.series import Series
+from phalanx.recording.metrics.table import metrics_of, swarm_rows
 from phalanx.recording.read import read, swarm_of
 from phalanx.report.html import figure, note, save_page, section, table
 from phalanx.report.links import link_statistics

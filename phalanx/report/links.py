@@ -11,13 +11,13 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from phalanx.arrays import Array
-from phalanx.curves.history import ReportHistory
-from phalanx.curves.series import LANE_STATES, lanes, zoom_window
 from phalanx.network.link import LinkModel
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
+from phalanx.recording.curves.history import ReportHistory
+from phalanx.recording.curves.series import LANE_STATES, lanes, zoom_window
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report import style
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import OF_CONTROLLERS, OF_PROOFS, Origin
 
 _MOST_LINKS = 40

@@ -6,8 +6,8 @@ from itertools import starmap
 from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
-from phalanx.metrics.table import METRIC_HEAD
 from phalanx.network.link import DELAY, LOSS
+from phalanx.recording.metrics.table import METRIC_HEAD
 from phalanx.recording.read import Recording, size_in_words
 from phalanx.report.html import MOST_ROWS, figure, note, percent, save_page, seconds, section, table
 from phalanx.report.links import LinkStatistics

@@ -6,10 +6,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from phalanx.arrays import Array, Index
-from phalanx.curves.history import RecordedHistory
+from phalanx.recording.curves.history import RecordedHistory
 from phalanx.report import style
 from phalanx.report.safety import required_distance
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.safety.function import outlines
 from phalanx.theory.safety.obstacles import Sphere, Wall
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from phalanx.curves.history import ReportHistory
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_paths, draw_scene
 from phalanx.report.safety import draw_h

@@ -7,14 +7,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phalanx.arrays import Array
-from phalanx.curves.history import RecordedHistory, ReportHistory
-from phalanx.curves.series import Series, envelope, kept
+from phalanx.recording.curves.history import RecordedHistory, ReportHistory
+from phalanx.recording.curves.series import Series, envelope, kept
 from phalanx.recording.read import Recording
 from phalanx.report import style
 from phalanx.report.style import LIMIT, NORMAL, PEAK
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, unit_of_psi
+from phalanx.theory.arrays import Array
 from phalanx.theory.safety.composition import Pair
 
 _PSI_POINTS, _MANY_PSI_POINTS = 600, 100

@@ -9,11 +9,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phalanx.arrays import Array
-from phalanx.curves.history import EMPTY_CODES, AgentSeries, RecordedHistory, ReportHistory
-from phalanx.curves.series import InputCurve, Series, input_curves, input_polytope, step_series
+from phalanx.recording.curves.history import (
+    EMPTY_CODES,
+    AgentSeries,
+    RecordedHistory,
+    ReportHistory,
+)
+from phalanx.recording.curves.series import (
+    InputCurve,
+    Series,
+    input_curves,
+    input_polytope,
+    step_series,
+)
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.report import style
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
 
 _TIME_POINTS = 600

@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from phalanx.arrays import Array
-from phalanx.curves.series import Envelope, Series, envelope, kept
+from phalanx.recording.curves.series import Envelope, Series, envelope, kept
 from phalanx.scenario.model import Scenario
+from phalanx.theory.arrays import Array
 
 _NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")
 _ADVERSARY = ("#d62728", "#8f0f2a", "#f2684a", "#e0559a")

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from phalanx.curves.history import ReportHistory
 from phalanx.files import real_folder, whole_file
-from phalanx.metrics.table import metric_rows, metrics_of
+from phalanx.recording.curves.history import ReportHistory
+from phalanx.recording.metrics.table import metric_rows, metrics_of
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time

@@ -69,10 +69,10 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "script": "phalanx.theory.laws.attacks:Script",
     },
     Controller: {
-        "none": "phalanx.baselines.plain:Nominal",
-        "cbf-qp": "phalanx.baselines.barrier:BarrierQP",
-        "clf-cbf": "phalanx.baselines.barrier:LyapunovBarrierQP",
-        "escape": "phalanx.baselines.plain:Escape",
+        "none": "phalanx.theory.baselines.plain:Nominal",
+        "cbf-qp": "phalanx.theory.baselines.barrier:BarrierQP",
+        "clf-cbf": "phalanx.theory.baselines.barrier:LyapunovBarrierQP",
+        "escape": "phalanx.theory.baselines.plain:Escape",
     },
 }
 """Module and class by name, by kind."""

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.random import Generator, Philox
 
-from phalanx.arrays import Array, Mask
+from phalanx.theory.arrays import Array, Mask
 
 _BLOCK = 256
 

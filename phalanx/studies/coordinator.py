@@ -12,11 +12,11 @@ import msgspec
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
 from phalanx.seeded.draws import Draws
-from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.identity import Identity
 from phalanx.studies.inventory import Inventory, identity_of
 from phalanx.studies.plan import Case, Plan, Point
 from phalanx.studies.row import BROKEN, REFUSED, Row, json_text
+from phalanx.studies.statistics.sequences import runs_until_width
 from phalanx.studies.store import Store
 from phalanx.studies.work import Job, compute, confirm
 

@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from phalanx.compat.forkserver import end_fork_server, without_main
+from phalanx.launcher.forkserver import end_fork_server, without_main
 from phalanx.launcher.libraries import start_loading
 
 P = ParamSpec("P")

@@ -8,7 +8,7 @@ import msgspec
 import polars as pl
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.metrics.table import METRICS, SWARM, metrics_of
+from phalanx.recording.metrics.table import METRICS, SWARM, metrics_of
 from phalanx.recording.read import Recording
 from phalanx.studies.identity import Identity
 from phalanx.studies.plan import as_text

@@ -16,19 +16,19 @@ from typing import Any
 import polars as pl
 
 from phalanx.cli.display import progress_of_runs
-from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import run as run_scenario
 from phalanx.scenario.model import Scenario
+from phalanx.schema.extensions import extension
 from phalanx.schema.registry import as_table
-from phalanx.statistics.common_seeds import rate
-from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.coordinator import Coordinator, Options, Progress, StudyProgress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
 from phalanx.studies.row import REFUSED, counted, json_text
+from phalanx.studies.statistics.common_seeds import rate
+from phalanx.studies.statistics.sequences import runs_until_width
 from phalanx.studies.store import PLAN, Store
 
 

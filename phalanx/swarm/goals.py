@@ -8,10 +8,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.placement import Flow
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user, is_built_in

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import MistakenMethodError, watched_method
 from phalanx.theory.laws.law import (
     CheckedInput,

@@ -12,10 +12,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.integrated import RowPart

@@ -11,7 +11,6 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
@@ -20,6 +19,7 @@ from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.kept import kept_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
 from phalanx.theory.laws.law import CheckedInput, View

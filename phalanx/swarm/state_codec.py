@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index
 
 _LAYOUTS = 64
 """Sets of agents in sight whose places are kept, at most."""

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Mask
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
@@ -18,6 +17,7 @@ from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.network.inbox import SentInput
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.trust.motion import MotionCheck
 

@@ -8,11 +8,11 @@ from functools import cache
 
 import zenoh
 
-from phalanx.compat.zenoh_sessions import keep_thread_state
 from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import Message
 from phalanx.messages.seal import Sealer
 from phalanx.wire.session import HubError
+from phalanx.wire.zenoh_sessions import keep_thread_state
 
 _POLL = 0.2
 """Longest single wait [s]."""

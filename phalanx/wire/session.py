@@ -11,11 +11,11 @@ from typing import Any
 import msgspec
 import zenoh
 
-from phalanx.compat.zenoh_sessions import disable_linger
 from phalanx.messages.credentials import Admission, Credentials, tls
 from phalanx.messages.keys import COPIES, NOT_URGENT
 from phalanx.messages.kinds import MAX_BYTES
 from phalanx.wire.liveliness import is_announced
+from phalanx.wire.zenoh_sessions import disable_linger
 
 # A client with three threads in place of seven has a third less latency. The hub cannot have
 # this: forwarding would deadlock on its own back-pressure.

@@ -19,7 +19,7 @@ from phalanx.guarantee.verdict import Summary, exit_status
 from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Ended, Status
 from phalanx.messages.membership import Membership
-from phalanx.profile import Stopwatch
+from phalanx.messages.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows

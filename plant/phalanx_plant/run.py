@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.messages.kinds import Status, Telemetry
-from phalanx.profile import Stopwatch
+from phalanx.messages.profile import Stopwatch
 from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import TrackVelocity
 from phalanx.wire.pubsub import Addressed

@@ -30,22 +30,19 @@ THEORY = rooms(
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
-MESSAGES = rooms("profile messages", GUARANTEE)
+MESSAGES = rooms("messages", GUARANTEE)
 WIRE = rooms("wire", MESSAGES)
 RECORDING = rooms("recording", MESSAGES)
-METRICS = rooms("metrics", RECORDING)
-CURVES = rooms("curves", METRICS)
+METRICS = rooms("recording.metrics", RECORDING)
+CURVES = rooms("recording.curves", METRICS)
 LAUNCHER = rooms("wire launcher", METRICS)
 PLANT = rooms("plant.world plant.sampling plant.judge plant.clock plant.observers plant.hub")
 VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export")
 
-COMMANDED = rooms("cli identities", LAUNCHER) | {"phalanx"}  # with a command of its own
+COMMANDED = rooms("cli", LAUNCHER) | {"phalanx"}  # with a command of its own
 
 # The rooms that each may import from, apart from itself. Every folder must be listed.
 MAY_IMPORT: Mapping[str, set[str]] = {
-    "phalanx.arrays": set(),
-    "phalanx.compat": set(),
-    "phalanx.extensions": set(),
     "phalanx.files": set(),
     "phalanx.theory": set(),
     "phalanx.theory.expressions": set(),
@@ -55,7 +52,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
     "phalanx.theory.rows": THEORY - rooms("theory.laws theory.trust"),
     "phalanx.theory.laws": THEORY - rooms("theory.trust"),
-    "phalanx.baselines": THEORY,
+    "phalanx.theory.baselines": THEORY,
     "phalanx.seeded": set(),
     "phalanx.schema": THEORY,
     "phalanx.network": THEORY | rooms("seeded schema"),
@@ -63,34 +60,30 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
-    "phalanx.profile": set(),
-    "phalanx.testing": THEORY,
     "phalanx.messages": MESSAGES,
     "phalanx.wire": WIRE,
-    # Who may do what at the hub: the core of sessions and messages is handed it.
-    "phalanx.identities": MESSAGES,
     "phalanx.recording": RECORDING,
-    "phalanx.metrics": METRICS,
-    "phalanx.statistics": rooms("seeded"),
+    "phalanx.recording.metrics": METRICS,
+    "phalanx.studies.statistics": rooms("seeded"),
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
-    "phalanx.cli": LAUNCHER | rooms("statistics") | {"phalanx"},
-    "phalanx": LAUNCHER | rooms("cli baselines studies"),
+    "phalanx.cli": LAUNCHER | rooms("studies.statistics") | {"phalanx"},
+    "phalanx": LAUNCHER | rooms("cli studies theory.baselines"),
     # Many runs: it hashes the sources of all that decides a run.
-    "phalanx.studies": COMMANDED | rooms("statistics agent plant"),
+    "phalanx.studies": COMMANDED | rooms("studies.statistics agent plant"),
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT | rooms("wire"),
     "phalanx_plant.world": RECORDING,
     "phalanx_plant.sampling": RECORDING | rooms("plant.world"),
     "phalanx_plant.judge": RECORDING | rooms("plant.world"),
-    "phalanx_plant.hub": RECORDING | rooms("wire identities plant.world"),
+    "phalanx_plant.hub": RECORDING | rooms("wire plant.world"),
     "phalanx_plant.clock": RECORDING | rooms("plant.world plant.sampling plant.judge"),
     "phalanx_plant.observers": RECORDING | rooms("plant.world plant.judge plant.clock"),
     # Extensions: each may import the core, and what it says; the core imports none of them.
-    "phalanx.curves": CURVES,
+    "phalanx.recording.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
-    "phalanx.attacks": COMMANDED | CURVES | rooms("report statistics studies studies.page"),
-    "phalanx.studies.page": COMMANDED | rooms("report statistics studies"),
+    "phalanx.attacks": COMMANDED | CURVES | rooms("report studies.statistics studies studies.page"),
+    "phalanx.studies.page": COMMANDED | rooms("report studies.statistics studies"),
     "phalanx.hosts": COMMANDED,
     "phalanx_viewer": COMMANDED | CURVES | VIEWER,
     "phalanx_viewer.scene": CURVES,
@@ -106,7 +99,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
 }
 EXTENSIONS = {
-    "phalanx.curves",
+    "phalanx.recording.curves",
     "phalanx.report",
     "phalanx.attacks",
     "phalanx.studies.page",
@@ -118,11 +111,11 @@ EXTENSIONS = {
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
-BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions", "phalanx.files"}
+BY_ALL = {"phalanx.theory", "phalanx.files"}  # types of arrays; files written whole
 APART = {"bench", "evidence"}
 PUBLIC = {"phalanx", "phalanx.extend", "phalanx.testing"}
 SHOWN = THEORY | rooms(
-    "arrays network launcher baselines"
+    "network launcher theory theory.baselines"
 )  # the rooms that have names in phalanx.extend
 SHOWING = {".md", ".py"}
 
@@ -156,7 +149,7 @@ def offences(names: Iterable[str], module: str) -> list[str]:
                 found.append(f"{module} may not import {name}")
         elif top in PROGRAMS:
             found.append(f"{module} may not import {name}: its name is phalanx_{name}")
-        elif top in ONLY_IN_WIRE and home not in ("phalanx.wire", "phalanx.compat"):
+        elif top in ONLY_IN_WIRE and home != "phalanx.wire":
             found.append(f"{module} may not import {name}: only phalanx.wire does")
         elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
             found.append(f"{module} may not import {name}: not one of {sorted(THEORY_MAY_USE)}")
@@ -218,14 +211,14 @@ def test_the_core_needs_few_libraries_and_those_of_studies():
     own = {name_of(text) for text in project["dependencies"]}
     brought_by, needed = packages_distributions(), set()
     for module, targets in imports().items():
-        if not is_extension(module) and room_of(module) != "phalanx.compat":
+        if not is_extension(module):
             tops = {target.split(".")[0] for target in targets} - sys.stdlib_module_names
             needed |= {canonical(d) for top in tops for d in brought_by.get(top, [top])[:1]}
     ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
     needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
     needed -= {"dask", "distributed"}  # of an extra: only `phalanx study --dask` loads them
     assert needed <= own | {name_of(text) for text in lab}
-    assert own <= needed | {"osqp", "scipy"}, "those two are loaded by phalanx.compat"
+    assert own <= needed | {"osqp", "scipy"}, "those two are loaded by osqp_without_scipy.py"
     assert len(own) <= 14
 
 
@@ -260,7 +253,7 @@ def test_the_table_lists_every_folder_and_no_other():
 def test_the_page_on_architecture_says_what_every_room_is_for():
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     listed = {folder.rstrip("/") for folder in re.findall(r"`([\w/-]+/)`", page)}
-    loose = ("__init__.py", "__main__.py", "extend.py")
+    loose = ("__init__.py", "__main__.py", "extend.py", "testing.py", "arrays.py")
     rooms = {f.parent for _, f in modules() if f.name not in loose}
     assert {str(room.relative_to(ROOT)) for room in rooms} - listed == set()
 
@@ -280,7 +273,7 @@ def test_the_page_on_certificates_lists_all_that_the_checker_shares():
 
 def test_nothing_lies_loose_at_the_top():
     loose = {f.name for f in (ROOT / "phalanx").iterdir() if f.is_file()}
-    assert loose == {"__init__.py", "__main__.py", "extend.py", "py.typed"}
+    assert loose == {"__init__.py", "__main__.py", "extend.py", "testing.py", "py.typed"}
 
 
 def reached(*roots: str) -> set[str]:
@@ -356,7 +349,6 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     ("module", "source"),
     [
         ("phalanx_agent.step", "import phalanx_plant"),
-        ("phalanx.wire.session", "from phalanx.identities import admission"),
         ("phalanx_agent.step", "import agent.main"),
         ("phalanx_agent.step", "from phalanx_plant.world.world import World"),
         ("phalanx_plant.main", "from phalanx_agent import step"),

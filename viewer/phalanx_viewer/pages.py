@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from phalanx.compat.forkserver import without_main
 from phalanx.launcher.engine import silent
+from phalanx.launcher.forkserver import without_main
 from phalanx.launcher.libraries import start_loading
 from phalanx.launcher.live import find_live
 from phalanx.launcher.programs import configure_logging, end_with_launcher, redirect_output, show_as

@@ -16,11 +16,11 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__Marker as Marker
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
-from phalanx.arrays import Array
-from phalanx.curves.series import unit_of
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import AgentStatus, Frame
 from phalanx.messages.step_report import QUANTITIES
+from phalanx.recording.curves.series import unit_of
+from phalanx.theory.arrays import Array
 from phalanx_ros2 import cdr
 
 Head = tuple[int, str]

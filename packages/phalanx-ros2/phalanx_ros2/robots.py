@@ -15,7 +15,7 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistStamped a
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros2_jazzy import nav_msgs__msg__Odometry as Odometry
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.wire.pubsub import Delivery
 from phalanx_ros2.cdr import deserialized, header, message_type, serialized
 from phalanx_ros2.rmw_zenoh import Node, NodeName

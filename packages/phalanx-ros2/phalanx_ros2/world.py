@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.world import Determinism, WorldAgent, WorldNote, WorldStates

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.aerial import GRAVITY, IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates

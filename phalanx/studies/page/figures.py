@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Outcome
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels
 from phalanx.seeded.draws import Draws
-from phalanx.statistics.distributions import dkw_band
 from phalanx.studies.page.groups import Group, in_percent
+from phalanx.studies.statistics.distributions import dkw_band
+from phalanx.theory.arrays import Array
 
 _LOOKS = {
     Outcome.GUARANTEED: ("#1a7f46", "o"),

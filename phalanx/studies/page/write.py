@@ -12,7 +12,6 @@ import polars as pl
 from phalanx.guarantee.verdict import Outcome
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.schema.notebook import html_table
-from phalanx.statistics.common_seeds import Rate
 from phalanx.studies.page.figures import (
     Point,
     cost_figure,
@@ -33,6 +32,7 @@ from phalanx.studies.page.groups import (
 )
 from phalanx.studies.page.svg import svg_of
 from phalanx.studies.row import REFUSED, counted, without_effect
+from phalanx.studies.statistics.common_seeds import Rate
 
 MOST_LISTED = 500
 _MOST_MAPS = 3

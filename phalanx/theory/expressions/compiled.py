@@ -10,7 +10,7 @@ from functools import cache, cached_property, partial
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.native import address, native
 from phalanx.theory.expressions.portable import portable_function
 

@@ -10,7 +10,7 @@ from operator import mul
 
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 
 LARGEST = 1e300
 """Bound on the size of reported numbers, of a law's input and of the true state."""

@@ -24,8 +24,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.files import whole_file
+from phalanx.theory.arrays import Array
 
 log = logging.getLogger("phalanx.theory")
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.kept import kept_for

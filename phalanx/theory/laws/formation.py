@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.circular import cos, sin
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.portable import portable_value

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from msgspec import Struct
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import (
     MistakenMethodError,

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import MinLen
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, Gt, Lt
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Positive, box_polytope
 
 GRAVITY = 9.81

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Gt
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import (
     MistakenMethodError,
     call_for_expression,

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import casadi as ca
 from annotated_types import Ge
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Positive, box_polytope
 
 

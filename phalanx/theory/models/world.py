@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.models.dynamics import Dynamics
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction, rounded_up
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.composition import FAR

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser

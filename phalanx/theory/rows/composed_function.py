@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import BoundFunction
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.by_jets import TermsByJets

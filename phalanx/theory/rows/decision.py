@@ -3,7 +3,7 @@
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST, dot, inner
 from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin

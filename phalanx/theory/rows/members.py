@@ -6,7 +6,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.dynamics import Dynamics

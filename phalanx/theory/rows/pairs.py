@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array, Mask
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction, MappedRows
 from phalanx.theory.expressions.exact import inner
 from phalanx.theory.margins.integrated import RowPart

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.arrays import Array
-from phalanx.compat.osqp_without_scipy import compiled_part, without_scipy
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.models.polytope import Box, Polytope
+from phalanx.theory.rows.osqp_without_scipy import compiled_part, without_scipy
 from phalanx.theory.rows.row import Row, Rows
 
 Places = NDArray[np.integer[Any]]

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, inner
 from phalanx.theory.models.polytope import Polytope
 

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
 from phalanx.theory.rows.information import Information, ReceivedInput
 from phalanx.theory.rows.origin import Origin

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, Gt
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.extension import continuous
 from phalanx.theory.expressions.interval import Interval
 

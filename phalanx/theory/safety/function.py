@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Positive

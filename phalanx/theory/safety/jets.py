@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions import exponential
 from phalanx.theory.expressions.compiled import BoundFunction, MappedFunction, rounded_up
 from phalanx.theory.expressions.portable import as_written, portable_function

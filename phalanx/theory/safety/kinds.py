@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.portable import factor_out
 from phalanx.theory.expressions.user_methods import is_built_in

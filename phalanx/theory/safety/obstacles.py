@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.circular import cos, sin
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction, Static

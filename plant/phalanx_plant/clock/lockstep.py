@@ -12,8 +12,8 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from phalanx.arrays import Array
 from phalanx.messages.kinds import Sample
+from phalanx.theory.arrays import Array
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lookahead import Synchronization
 from phalanx_plant.judge.event_queue import EventQueue

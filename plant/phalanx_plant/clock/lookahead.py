@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Bounded, travelled
 from phalanx_plant.sampling.sensing import sensing_radii
 from phalanx_plant.world.world import Piece, Segment, World

@@ -10,10 +10,10 @@ import time
 from array import array
 from typing import NamedTuple, Protocol
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command, ProcessChange
 from phalanx.guarantee.verdict import Punctuality, percentiles
 from phalanx.messages.kinds import Sample
+from phalanx.theory.arrays import Array
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling

@@ -4,13 +4,13 @@ from collections import defaultdict
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import SAYS, Actuation, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.inbox import Fate
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx_plant.world.world import Actuators
 

@@ -12,12 +12,12 @@ from typing import ClassVar, Self, TypeVar
 
 import msgspec
 
-from phalanx.arrays import Array
 from phalanx.messages.kinds import Sample, Status, Telemetry
 from phalanx.messages.membership import Membership
+from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed, Refusals
-from phalanx.profile import Stopwatch
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx_plant.hub.answers import Answers
 from phalanx_plant.hub.joining import Joining
 from phalanx_plant.hub.session import IncomingQueue, PlantSession

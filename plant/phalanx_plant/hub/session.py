@@ -4,7 +4,7 @@ import queue
 import threading
 from collections.abc import Iterable
 
-from phalanx.identities import admission
+from phalanx.messages.admission import admission
 from phalanx.messages.keys import PLANT, ROUTER
 from phalanx.messages.kinds import MAX_BYTES, Setup
 from phalanx.messages.membership import Membership

@@ -6,13 +6,13 @@ apply depends on the scenario; some apply only after they failed.
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.check_report import proof_gaps
 from phalanx.guarantee.verdict import Assumption
 from phalanx.messages.kinds import Telemetry
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx_plant.judge.claims import Claims

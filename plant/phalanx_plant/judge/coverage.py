@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.safety.function import proven_reach
 from phalanx_plant.world.events import InputApplied
 

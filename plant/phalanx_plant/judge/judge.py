@@ -11,7 +11,6 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from phalanx.arrays import Array, Index
 from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.guarantee.verdict import Convicted, TrustSummary
 from phalanx.messages.kinds import Telemetry
@@ -19,6 +18,7 @@ from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.world import WorldNote

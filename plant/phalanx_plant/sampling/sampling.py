@@ -5,12 +5,12 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command, FaultState, ProcessChange
 from phalanx.faults.onboard import AgentClock, Sensors
 from phalanx.messages.kinds import Sample, last_sample
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx_plant.sampling.schedule import OnboardLinks, Schedule
 from phalanx_plant.sampling.sensing import Contacts, Sensing, Visibility
 from phalanx_plant.world.events import CommandApplied

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 
 
 class Visibility(NamedTuple):

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.pairs import PairFunctions
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.relevant_pairs import RelevantPairs
 from phalanx_plant.world.resolution import Resolution, Roundings

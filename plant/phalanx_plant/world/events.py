@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.messages.kinds import Sample
+from phalanx.theory.arrays import Array
 from phalanx_plant.world.world import History
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from phalanx.arrays import Array, Index
 from phalanx.guarantee.verdict import Violation
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx_plant.world.evaluation import EvaluatedSteps
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.schema.registry import is_users
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.models.world import World, WorldAgent, WorldError, advanced
 from phalanx_plant.world.motion import by_dynamics

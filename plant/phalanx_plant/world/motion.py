@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
 from phalanx.theory.safety.composition import Member

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.function import Reaching, proven_reach, static_reach
 from phalanx.theory.safety.pairs import PairFunctions

@@ -13,9 +13,9 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 from msgspec import Struct
 
-from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.faults.commands import CommandPolicy
-from phalanx.identities import access_control
+from phalanx.messages.admission import access_control
 from phalanx.messages.credentials import Admission
 from phalanx.messages.keys import VIEWER
 from phalanx.messages.kinds import VERSION

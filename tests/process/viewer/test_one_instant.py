@@ -14,7 +14,7 @@ import pytest
 import zstandard
 from phalanx_viewer.feeds.replay import open_replay
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from tests.process.runs import wait_for
 from tests.process.viewer.pages import PATIENCE, served, visitor
 

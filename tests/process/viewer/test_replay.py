@@ -10,10 +10,10 @@ from phalanx_viewer.plots.content import Content, Plot
 from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import Picture
 
-from phalanx.curves.history import EMPTY_CODES
-from phalanx.curves.series import LEAST_HORIZON
 from phalanx.faults.commands import CommandKind
 from phalanx.messages.kinds import Frame
+from phalanx.recording.curves.history import EMPTY_CODES
+from phalanx.recording.curves.series import LEAST_HORIZON
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import HELD, PACED, live_run, wait_for

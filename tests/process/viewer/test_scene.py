@@ -16,8 +16,8 @@ from phalanx_viewer.scene.server import SceneServer, in_loop, open_page
 from PIL import Image
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.scenario.load import load
+from phalanx.theory.arrays import Array
 from tests.process.runs import free_port, wait_for
 from tests.process.viewer.pages import camera_message, chosen, labelled, served, visitor
 

@@ -22,10 +22,10 @@ import zenoh
 from mcap.writer import Writer
 from viser._messages import RunJavascriptMessage
 
-from phalanx.compat.forkserver import without_main
-from phalanx.compat.mcap_chunks import PackedWriter
-from phalanx.compat.zenoh_sessions import disable_linger
+from phalanx.launcher.forkserver import without_main
+from phalanx.recording.mcap_chunks import PackedWriter
 from phalanx.wire.session import free_endpoint
+from phalanx.wire.zenoh_sessions import disable_linger
 from tests.process.runs import wait_for
 
 ROOT = Path(__file__).parents[3]
@@ -67,7 +67,7 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
     port = int(endpoint.rpartition(":")[2])
     with opened(listen=endpoint) as hub, opened(connect=endpoint):
         wait_for(lambda: lingering(port))
-        assert lingering(port) == [10], "phalanx/compat/zenoh_sessions.py: disable_linger may go"
+        assert lingering(port) == [10], "phalanx/wire/zenoh_sessions.py: disable_linger may go"
         disable_linger(hub)
         wait_for(lambda: lingering(port) == [-1])
 
@@ -75,7 +75,7 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
 COUNT_CALLBACKS = """
 import sys, threading
 import zenoh
-from phalanx.compat.zenoh_sessions import keep_thread_state
+from phalanx.wire.zenoh_sessions import keep_thread_state
 from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 from tests.unit.compat.test_workarounds import opened
@@ -109,7 +109,7 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
         capture_output=True, text=True, check=True, cwd=ROOT,
     )  # fmt: skip
     assert said.stdout.strip() == str(kept), (
-        "phalanx/compat/zenoh_sessions.py: keep_thread_state may go"
+        "phalanx/wire/zenoh_sessions.py: keep_thread_state may go"
     )
 
 
@@ -117,7 +117,7 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
 def test_importing_osqp_imports_scipy():
     code = "import osqp, sys; print('scipy.sparse' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "True", "phalanx/compat/osqp_without_scipy.py may go"
+    assert said.stdout.strip() == "True", "phalanx/theory/rows/osqp_without_scipy.py may go"
 
 
 def test_pythons_are_supported_whose_fork_server_ignores_the_import_path():
@@ -150,7 +150,7 @@ def test_viser_takes_no_origins_and_keeps_every_script():
 
 def test_a_page_that_viser_writes_takes_nothing_but_its_colours():
     parameters = set(inspect.signature(viser.infra.StateSerializer.as_html).parameters)
-    assert parameters == {"self", "dark_mode"}, "phalanx/compat/viser_player.js may go"
+    assert parameters == {"self", "dark_mode"}, "viser_player.js may go"
 
 
 def test_viser_handles_messages_while_it_draws():
@@ -159,8 +159,8 @@ def test_viser_handles_messages_while_it_draws():
         (client / name).read_text("utf-8") for name in ("MessageHandler.tsx", "App.tsx")
     )
     at_once = "useFrame(\n    () => drainRef.current()" in handler
-    assert at_once, "phalanx/compat/viser_frames.js may go"
-    assert "w.__viserMutable = mutable.current" in app, "phalanx/compat/viser_frames.js needs it"
+    assert at_once, "viser_frames.js may go"
+    assert "w.__viserMutable = mutable.current" in app, "viser_frames.js needs it"
 
 
 def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls() -> None:
@@ -187,4 +187,4 @@ def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls(
     for writer in (own, packed):
         writer.finish()
     assert files[1].getvalue() == files[0].getvalue()
-    assert calls[0] > 4 * calls[1], "mcap packs messages itself: phalanx/compat/mcap_chunks.py"
+    assert calls[0] > 4 * calls[1], "mcap packs messages itself: phalanx/recording/mcap_chunks.py"

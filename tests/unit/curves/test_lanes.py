@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from phalanx.curves.history import (
+from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
+from phalanx.recording.curves.history import (
     EMPTY_CODES,
     Fates,
     agent_series,
@@ -13,8 +14,7 @@ from phalanx.curves.history import (
     fates_of,
     series_width,
 )
-from phalanx.curves.series import lanes, zoom_window
-from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
+from phalanx.recording.curves.series import lanes, zoom_window
 
 
 class Past(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from phalanx.curves.series import QUANTILES, Series, envelope, kept
+from phalanx.recording.curves.series import QUANTILES, Series, envelope, kept
 from phalanx.report.style import draw_envelope
 
 

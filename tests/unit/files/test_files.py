@@ -13,7 +13,7 @@ WRITING = {"write_text", "write_bytes", "write_csv", "write_parquet", "savefig",
 IN_NEW_FOLDERS = {
     "phalanx/hosts/commands.py",
     "phalanx/launcher/run.py",
-    "phalanx/profile/__init__.py",
+    "phalanx/messages/profile.py",
     "phalanx/recording/modules.py",
     "phalanx/theory/expressions/native.py",
 }

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from phalanx.identities import Subject, access_control
+from phalanx.messages.admission import Subject, access_control
 from phalanx.messages.credentials import Admission, Credentials
 from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.session import free_endpoint, open_client, open_hub

@@ -13,7 +13,7 @@ from phalanx.cli.app import FAILED, status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.live import LIVE, announced, find_live
 from phalanx.messages.membership import Membership
-from phalanx.profile import read_profile
+from phalanx.messages.profile import read_profile
 from phalanx.recording.records import RECORDING, SUMMARY
 
 OURS = Membership("r", "tcp/127.0.0.1:7447", b"secret")

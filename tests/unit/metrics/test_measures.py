@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.metrics.measures import (
+from phalanx.recording.metrics.measures import (
     InputSeries,
     Thresholds,
     arrival_time,

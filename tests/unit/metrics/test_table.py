@@ -5,10 +5,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import phalanx.metrics
 import pytest
 
-import phalanx.metrics
-from phalanx.metrics.table import METRICS, SWARM, in_words, metric_rows, metrics_of
+from phalanx.recording.metrics.table import METRICS, SWARM, in_words, metric_rows, metrics_of
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.recording.records import State, Step
 from phalanx.scenario.load import load

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.arrays import Array
 from phalanx.network.link import Link, LinkModel, Stage
 from phalanx.network.table import LinkTable
+from phalanx.theory.arrays import Array
 
 MANY = 40_000
 """So many that four standard errors of a share are a hundredth, where messages are independent."""

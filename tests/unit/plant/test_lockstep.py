@@ -17,7 +17,6 @@ from phalanx_plant.sampling.sampling import Sampling
 from phalanx_plant.world.events import Event, Instant, SwarmBrokenError
 from phalanx_plant.world.world import World
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
@@ -27,6 +26,7 @@ from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import rows_of_scenario

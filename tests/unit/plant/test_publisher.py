@@ -11,13 +11,13 @@ from phalanx_plant.observers import publisher
 from phalanx_plant.run import PlantRun
 from phalanx_viewer.feeds.replay import open_replay
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.messages.kinds import Frame, Status
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.runnable import compile_rows
+from phalanx.theory.arrays import Array
 from tests.unit.swarms import rows_of_scenario
 
 

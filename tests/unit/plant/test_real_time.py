@@ -11,13 +11,13 @@ from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.real_time import RealTime
 from phalanx_plant.run import PlantRun
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
 from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import rows_of_scenario
 

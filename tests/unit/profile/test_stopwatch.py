@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from phalanx import profile as module
-from phalanx.profile import Stopwatch, read_profile
+from phalanx.messages.profile import Stopwatch, read_profile
 
 
 class Clock:

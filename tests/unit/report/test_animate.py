@@ -13,8 +13,8 @@ from PIL import Image
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.curves.history import ReportHistory
 from phalanx.faults.commands import Command
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.records import Log
 from phalanx.report.animate import Film, Stage
 from tests.layers import layered

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.curves.series import Series
+from phalanx.recording.curves.series import Series
 from phalanx.report.compare import ComparedRun, compared_run, differences, overlay, results, titles
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from phalanx.curves.history import ReportHistory
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording, read, size_in_words
 from phalanx.report import steps
 from phalanx.report.links import link_statistics, losses

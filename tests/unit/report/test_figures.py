@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from phalanx.arrays import Array
-from phalanx.curves.history import ReportHistory
-from phalanx.curves.values import SafetyValues
+from phalanx.recording.curves.history import ReportHistory
+from phalanx.recording.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
@@ -19,6 +18,7 @@ from phalanx.report.page import origins
 from phalanx.report.safety import distances
 from phalanx.report.write import draw_figures
 from phalanx.scenario.load import load, read_table
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift

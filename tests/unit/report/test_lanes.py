@@ -9,8 +9,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
 import phalanx
-from phalanx.curves.history import ReportHistory
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, broadcasts
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Step
 from phalanx.report.links import space_time

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from phalanx.curves.history import ReportHistory
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording, steps_by_agent
 
 

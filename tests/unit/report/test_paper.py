@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 import phalanx
-from phalanx.curves.history import ReportHistory
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import read
 from phalanx.report.links import link_statistics
 from phalanx.report.style import drawn_for

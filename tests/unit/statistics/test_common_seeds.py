@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from phalanx.statistics.common_seeds import rate
-from phalanx.statistics.rates import clopper_pearson
-from phalanx.statistics.sequences import beta_mixture, betting
+from phalanx.studies.statistics.common_seeds import rate
+from phalanx.studies.statistics.rates import clopper_pearson
+from phalanx.studies.statistics.sequences import beta_mixture, betting
 from tests.unit.statistics.studies import draws, misses, most_misses
 
 

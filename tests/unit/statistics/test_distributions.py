@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from phalanx.statistics.distributions import conformal_bound, dkw_band
+from phalanx.studies.statistics.distributions import conformal_bound, dkw_band
 from tests.unit.statistics.studies import draws, most_misses
 
 

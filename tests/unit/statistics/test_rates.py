@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from phalanx.statistics.rates import clopper_pearson
+from phalanx.studies.statistics.rates import clopper_pearson
 from tests.unit.statistics.studies import draws, misses, most_misses
 
 LEVELS = st.sampled_from([0.5, 0.9, 0.95, 0.999])

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.statistics.rates import clopper_pearson
-from phalanx.statistics.sequences import beta_mixture, betting, runs_until_width
+from phalanx.studies.statistics.rates import clopper_pearson
+from phalanx.studies.statistics.sequences import beta_mixture, betting, runs_until_width
 from tests.layers import layered
 from tests.unit.statistics.studies import draws, misses, most_misses
 from tests.unit.statistics.test_rates import counted

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from phalanx.metrics.table import METRICS
+from phalanx.recording.metrics.table import METRICS
 
 TEXTS = "reason", "worst_pair", "faults", "key", "trajectory"
 NUMBERS = "worst_h", "worst_at", "certified", "shortest", "wall_time"

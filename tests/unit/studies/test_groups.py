@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.statistics.rates import clopper_pearson
-from phalanx.statistics.sequences import beta_mixture, betting
 from phalanx.studies.page.figures import Point, front, one_of_each_seed, short
 from phalanx.studies.page.groups import MOST_GROUPS, by_axis, group, labels
 from phalanx.studies.row import counted
+from phalanx.studies.statistics.rates import clopper_pearson
+from phalanx.studies.statistics.sequences import beta_mixture, betting
 from tests.unit.studies.frames import frame
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.baselines.plain import Escape
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.page import key_figures
 from phalanx.scenario.load import ScenarioError, load
+from phalanx.theory.baselines.plain import Escape
 from phalanx.theory.rows.origin import Origin
 from tests.layers import layered
 

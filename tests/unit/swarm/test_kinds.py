@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 
-from phalanx.curves.values import SafetyValues
+from phalanx.recording.curves.values import SafetyValues
 from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from scipy.special import logsumexp
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle

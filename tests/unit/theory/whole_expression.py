@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
 from phalanx.theory.safety.chain import Chain

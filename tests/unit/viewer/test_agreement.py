@@ -8,7 +8,7 @@ from phalanx_viewer.plots.content import Curve, Plot
 from phalanx_viewer.plots.plots import content
 
 import phalanx
-from phalanx.curves.history import ReportHistory
+from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording
 from phalanx.report import safety, steps
 

@@ -7,10 +7,10 @@ from phalanx_viewer.feeds import live_history
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.curves.history import recorded_series
 from phalanx.guarantee.verdict import Violation
 from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent
 from phalanx.messages.step_report import QUANTITIES, AppliedStep
+from phalanx.recording.curves.history import recorded_series
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
 from phalanx.theory.rows.origin import Origin

@@ -5,9 +5,14 @@ import pytest
 from phalanx_viewer.plots.content import Period
 from phalanx_viewer.plots.plots import bands, curve, empty_periods, fault_periods, numbers
 
-from phalanx.curves.history import EMPTY_CODES, ConditionChange, agent_series, series_width
-from phalanx.curves.series import Series
 from phalanx.faults.commands import Condition
+from phalanx.recording.curves.history import (
+    EMPTY_CODES,
+    ConditionChange,
+    agent_series,
+    series_width,
+)
+from phalanx.recording.curves.series import Series
 
 T = np.linspace(0.0, 10.0, 5001)
 

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array
-from phalanx.curves.history import recorded_series
-from phalanx.curves.series import unit_of
 from phalanx.guarantee.verdict import Outcome
 from phalanx.messages.step_report import QUANTITIES
+from phalanx.recording.curves.history import recorded_series
+from phalanx.recording.curves.series import unit_of
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import units
 from phalanx_viewer.scene.model import SceneModel
 

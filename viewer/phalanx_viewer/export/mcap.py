@@ -50,9 +50,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from phalanx.arrays import Array
 from phalanx.files import whole_file
 from phalanx.scenario.load import to_json
+from phalanx.theory.arrays import Array
 from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to

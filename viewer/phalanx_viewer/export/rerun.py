@@ -21,9 +21,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from phalanx.arrays import Array
 from phalanx.files import whole_file
 from phalanx.recording.records import Level
+from phalanx.theory.arrays import Array
 from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
 from phalanx_viewer.scene.model import SceneModel, rotations_to

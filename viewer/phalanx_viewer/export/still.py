@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from phalanx.arrays import Array
 from phalanx.files import whole_file
+from phalanx.theory.arrays import Array
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role
 from phalanx_viewer.scene.model import SceneModel

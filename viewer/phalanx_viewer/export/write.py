@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from phalanx.files import whole_file
-from phalanx.metrics.table import metrics_table
+from phalanx.recording.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
@@ -87,7 +87,7 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     times: list[float] = np.linspace(begin, replay.end, count).tolist()
     scene, summary = _scene(replay, times, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
-    player = files("phalanx.compat").joinpath("viser_player.js").read_text(encoding="utf-8")
+    player = files("phalanx_viewer.export").joinpath("viser_player.js").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
         "verdict": ": ".join(verdict),

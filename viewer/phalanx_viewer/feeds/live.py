@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 
 import numpy as np
 
-from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.messages.keys import PLANT
@@ -16,6 +15,7 @@ from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
+from phalanx.theory.arrays import Array
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.session import open_client
 from phalanx_viewer.feeds.live_history import LiveHistory

@@ -6,8 +6,11 @@ from itertools import chain
 
 import numpy as np
 
-from phalanx.arrays import Array
-from phalanx.curves.history import (
+from phalanx.faults.commands import Condition
+from phalanx.guarantee.verdict import Violation
+from phalanx.messages.kinds import AgentStatus, Frame, LogLine
+from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
+from phalanx.recording.curves.history import (
     BROADCAST,
     EMPTY_CODES,
     AgentSeries,
@@ -20,10 +23,7 @@ from phalanx.curves.history import (
     series_width,
     smallest_distance,
 )
-from phalanx.faults.commands import Condition
-from phalanx.guarantee.verdict import Violation
-from phalanx.messages.kinds import AgentStatus, Frame, LogLine
-from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.scene.model import SceneModel
 

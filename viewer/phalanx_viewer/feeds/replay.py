@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from phalanx.arrays import Array
-from phalanx.curves.history import AgentSeries, RecordedHistory
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.messages.step_report import AppliedStep
+from phalanx.recording.curves.history import AgentSeries, RecordedHistory
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Level, Step
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds.live_history import SPACING, path_points
 from phalanx_viewer.scene.model import scene_model

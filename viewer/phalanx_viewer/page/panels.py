@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from phalanx.curves.series import NO_ROW
 from phalanx.faults.commands import EFFECTS, CommandKind, Condition
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import AgentStatus, Frame, LogLine
+from phalanx.recording.curves.series import NO_ROW
 from phalanx.theory.rows.origin import origin_label
 from phalanx_viewer.feeds.feed import Feed, interim_outcome
 from phalanx_viewer.feeds.live import Live

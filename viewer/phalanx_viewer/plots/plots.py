@@ -4,9 +4,17 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from phalanx.arrays import Array
-from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange, smallest_distance
-from phalanx.curves.series import (
+from phalanx.faults.commands import Condition
+from phalanx.messages.kinds import Frame
+from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
+from phalanx.recording.broadcasts import FATES
+from phalanx.recording.curves.history import (
+    EMPTY_CODES,
+    AgentSeries,
+    ConditionChange,
+    smallest_distance,
+)
+from phalanx.recording.curves.series import (
     Series,
     envelope,
     input_curves,
@@ -17,11 +25,8 @@ from phalanx.curves.series import (
     step_series,
     zoom_window,
 )
-from phalanx.faults.commands import Condition
-from phalanx.messages.kinds import Frame
-from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
-from phalanx.recording.broadcasts import FATES
 from phalanx.swarm.swarm import unit_of_psi
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.plots.content import FALSE, Content, Curve, Lane, Mark, Period, Plot, Zoom

@@ -6,7 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.colours import DANGER, LATE, LIE, WORST_PAIR, Colour, Palette
 from phalanx_viewer.scene.model import SceneModel, rotations_to
 from phalanx_viewer.scene.nodes import (

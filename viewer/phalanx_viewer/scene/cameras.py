@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 import viser
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.model import unit
 
 _TIGHT, _ROOM, _LOOSE = 1.1, 1.25, 1.8

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Mask
-from phalanx.curves.values import SafetyValues
+from phalanx.recording.curves.values import SafetyValues
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.goals import AgentGoal
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics, heading
 from phalanx.theory.safety.composition import ComposedSet, stacked_slices

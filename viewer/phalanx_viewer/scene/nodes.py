@@ -7,7 +7,7 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 
 Floats = NDArray[np.floating[Any]]
 Mesh = tuple[Array, Array]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx_viewer.scene import agents
 from phalanx_viewer.scene.cameras import Camera, Framing, View
 from phalanx_viewer.scene.colours import DARK, LIGHT

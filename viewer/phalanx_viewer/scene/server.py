@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import viser
 from websockets.asyncio.server import ServerConnection
 
-from phalanx.compat.viser_server import Handler, named_script, serving
+from phalanx_viewer.scene.viser_server import Handler, named_script, serving
 
 T = TypeVar("T")
 
@@ -44,7 +44,9 @@ class SceneServer(viser.ViserServer):
         self._complete: Future[None] = Future()
         with serving(self._let_in, origins), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, label=title, verbose=False)
-        self.run_script("frames", files("phalanx.compat").joinpath("viser_frames.js").read_text())
+        self.run_script(
+            "frames", files("phalanx_viewer.scene").joinpath("viser_frames.js").read_text()
+        )
 
     def admit(self) -> None:
         """Admit visitors: the page is complete."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import viser
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR, Palette
 from phalanx_viewer.scene.model import SceneModel, unit
 from phalanx_viewer.scene.nodes import ball, polygon, ribbon

@@ -6,7 +6,7 @@ from html import escape
 import numpy as np
 import viser
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
 from phalanx_viewer.scene.colours import COLOURS, DANGER, LATE, LIE, OBSTACLE, WORST_PAIR, Role

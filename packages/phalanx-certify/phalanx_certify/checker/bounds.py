@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx_certify.checker.interval_function import IntervalFunction
 from phalanx_certify.checker.intervals import (

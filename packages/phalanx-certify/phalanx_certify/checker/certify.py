@@ -29,8 +29,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
 from phalanx.scenario.model import Scenario
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx_certify.checker.bounds import PairBound
 from phalanx_certify.checker.coverage import (

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from phalanx.arrays import Array, Index, Mask
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.safety.composition import Member
 from phalanx_certify.checker.intervals import UncertifiableError, UndecidedError
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Mask
+from phalanx.theory.arrays import Array, Mask
 from phalanx_certify.checker.intervals import (
     Interval,
     UndecidedError,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from phalanx.arrays import Array, Mask
+from phalanx.theory.arrays import Array, Mask
 
 _LIBRARY = 8
 """Widening of library functions [ulp]; numpy's vectorised ones may be off by 4."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Mask
 from phalanx.scenario.agents import AgentGroup
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx_certify.checker.interval_function import IntervalFunction

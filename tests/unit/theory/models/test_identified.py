@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.arrays import Array
 from phalanx.schema.registry import construct
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.models.aerial import GRAVITY, IdentifiedQuadrotor, Quadrotor

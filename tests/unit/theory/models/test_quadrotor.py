@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.aerial import GRAVITY, PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
 

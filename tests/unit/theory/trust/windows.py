@@ -5,7 +5,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
 

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
-from phalanx.curves.history import EMPTY_CODES, AgentSeries, History
 from phalanx.messages.step_report import OF_ROW, QUANTITIES, Quantity
 from phalanx.recording.broadcasts import window
+from phalanx.recording.curves.history import EMPTY_CODES, AgentSeries, History
 from phalanx.swarm.swarm import Swarm, unit_of_psi
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.models.dynamics import units
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.composition import FAR

@@ -6,8 +6,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.safety.pairs import ChosenPairs
 
 

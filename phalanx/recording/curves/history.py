@@ -7,15 +7,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from phalanx.arrays import Array
-from phalanx.curves.values import SafetyValues
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.messages.step_report import QUANTITIES, numbers_of
 from phalanx.recording.broadcasts import FATES, LATE, LOST, Broadcast, broadcasts
+from phalanx.recording.curves.values import SafetyValues
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
 

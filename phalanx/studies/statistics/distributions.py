@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phalanx.arrays import Array
-from phalanx.statistics.rates import LEVEL
+from phalanx.studies.statistics.rates import LEVEL
+from phalanx.theory.arrays import Array
 
 _EXACT = 1e-9
 """Shares are decimal fractions: 100 times 0.99 counts as 99, whatever its last digit."""

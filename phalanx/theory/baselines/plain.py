@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.models.polytope import minimiser
 

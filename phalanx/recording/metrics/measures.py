@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.rows.origin import Origin
 

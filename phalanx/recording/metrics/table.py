@@ -5,9 +5,9 @@ from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
-from phalanx.extensions import extras_named
-from phalanx.metrics.measures import Thresholds, Value, metrics_of_agents
+from phalanx.recording.metrics.measures import Thresholds, Value, metrics_of_agents
 from phalanx.recording.read import Recording, swarm_of
+from phalanx.schema.extensions import extras_named
 from phalanx.swarm.swarm import Swarm
 
 if TYPE_CHECKING:

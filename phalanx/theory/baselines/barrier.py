@@ -14,7 +14,7 @@ from math import comb
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import ControlledAgent, ControllerView

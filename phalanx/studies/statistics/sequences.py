@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaln, xlog1py, xlogy
 
-from phalanx.arrays import Array, Index
-from phalanx.statistics.rates import LEVEL, Interval, counts
+from phalanx.studies.statistics.rates import LEVEL, Interval, counts
+from phalanx.theory.arrays import Array, Index
 
 _HALVINGS = 40
 _PRIOR = 0.5

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phalanx.statistics.rates import LEVEL, Interval, clopper_pearson
-from phalanx.statistics.sequences import beta_mixture, betting
+from phalanx.studies.statistics.rates import LEVEL, Interval, clopper_pearson
+from phalanx.studies.statistics.sequences import beta_mixture, betting
 
 
 class Rate(NamedTuple):

@@ -1,4 +1,4 @@
-"""Check that a world keeps its protocol."""
+"""Checks that code of your own keeps what its protocol says: of a world, `check_world`."""
 
 import contextlib
 import time
@@ -8,7 +8,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.world import (
@@ -18,6 +18,8 @@ from phalanx.theory.models.world import (
     advanced,
     moves_by_itself,
 )
+
+__all__ = ["WorldMistakeError", "check_world"]
 
 _TIME = 0.05
 """Time to move on [s]."""
