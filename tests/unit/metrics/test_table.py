@@ -5,7 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import phalanx.metrics
+import phalanx
 import pytest
 
 from phalanx.recording.metrics.table import METRICS, SWARM, in_words, metric_rows, metrics_of
