@@ -32,7 +32,7 @@ from phalanx_plant.run import PlantRun
 import phalanx
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.launcher.engine import silent
-from phalanx.launcher.in_process_engine import DirectAgents, RecordsInMemory
+from phalanx.launcher.simulation import DirectAgents, RecordsInMemory
 from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Actuation, Sample, Telemetry
 from phalanx.messages.membership import Membership

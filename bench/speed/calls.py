@@ -21,7 +21,7 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.judge import event_queue
 
 import phalanx
-from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.launcher.simulation import DirectAgents
 
 _AGENT = DirectAgents.send_sample.__code__
 

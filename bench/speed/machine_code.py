@@ -22,8 +22,7 @@ from phalanx.theory.expressions.native import COMPILER, FOLDER
 RUN = """
 import json, sys, time
 import phalanx
-from phalanx.launcher.engine import RunOptions
-from phalanx.launcher.in_process_engine import simulate
+from phalanx.launcher.simulation import Simulation
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx_plant.clock.lockstep import Lockstep
@@ -42,7 +41,7 @@ original, Lockstep.run = Lockstep.run, run
 times = [time.process_time()]
 rows = require_runnable(build_swarm(phalanx.load(name, overrides)))
 compile_rows(rows)
-summary = simulate(rows, Forgotten(), RunOptions("in-process"))
+summary = Simulation(rows, Forgotten()).run()
 began, started, ended = times
 print(json.dumps([(ended - started) / summary.steps, started - began, summary.trajectory]))
 """

@@ -17,7 +17,7 @@ from typing import NamedTuple
 RUN = """
 import sys, time
 import phalanx
-from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 rows = build_rows(build_swarm(phalanx.load("unicycles", ["duration=3.0"])))
@@ -25,14 +25,14 @@ calls = 0
 def count(frame, event, of):
     global calls
     calls += event in ("call", "c_call")
-simulate(rows, RecordsInMemory())
+Simulation(rows, RecordsInMemory()).run()
 sys.setprofile(count)
-simulate(rows, RecordsInMemory())
+Simulation(rows, RecordsInMemory()).run()
 sys.setprofile(None)
 print(calls)
 for _ in range(4):
     begin = time.process_time()
-    summary = simulate(rows, RecordsInMemory())
+    summary = Simulation(rows, RecordsInMemory()).run()
     print(time.process_time() - begin, summary.trajectory)
 """
 

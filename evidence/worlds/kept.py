@@ -13,10 +13,9 @@ import numpy as np
 import polars as pl
 
 import phalanx
-from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.disturbances import disturbances_of
-from phalanx.recording.read import Recording, swarm_of
-from phalanx.recording.records import State, Step
+from phalanx.recording.read import swarm_of
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import Row, row_of
 from phalanx.studies.work import Job, row_by
@@ -98,9 +97,8 @@ def _rows_of(kept: Path, job: Job) -> list[Row]:
 
 def _row(kept: Path, job: Job, identity: Identity, rows: SafetyRows) -> Row:
     records = RecordsInMemory()
-    summary = simulate(rows, records)
-    states, steps = records.of(State), records.of(Step)
-    recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
+    summary = Simulation(rows, records).run()
+    recording = records.recording(rows.swarm.scenario)
     found = disturbances_of(recording, rows.swarm)
     np.save(kept / f"{identity.key}.npy", np.concatenate([each.size for each in found]))
     return row_of(identity, job.overrides, summary, recording, rows.swarm)

@@ -12,19 +12,17 @@ h is in multiples of the pair's scale, so that pairs of different kinds can be c
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.in_process_engine import DirectRun, RecordsInMemory
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.read import Recording
-from phalanx.recording.records import State, Step
 from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import compile_rows, shared_rows
+from phalanx.swarm.runnable import shared_rows
 from phalanx.swarm.swarm import Swarm
 
 _LONGEST = MULTIPLES[0] - 1.0
@@ -64,15 +62,14 @@ def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> E
 def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -> Evaluation:
     """Do the same with rows that are built already."""
     swarm, records, known = rows.swarm, RecordsInMemory(), scales or scales_of(rows.swarm)
-    run = DirectRun(rows, records)
-    summary = run.plant.run(prepare=lambda: compile_rows(rows))
+    simulation = Simulation(rows, records)
+    summary = simulation.run()
     if summary.outcome is Outcome.STOPPED:
         raise KeyboardInterrupt  # the plant reacted to it
-    states, steps = records.of(State), records.of(Step)
-    recording = Recording(Path(), swarm.scenario, {}, states, steps)
+    recording = records.recording(swarm.scenario)
     # Between two states an unsafe h is in the summary's violations, to the integration step.
     highest = {label: float(h.max()) for label, h in h_of_pairs(swarm, recording.x).items()}
-    left = dict(zip(highest, run.plant.judge.coverage.least.tolist(), strict=True))
+    left = dict(zip(highest, simulation.plant.judge.coverage.least.tolist(), strict=True))
     for violation in summary.violations:
         highest[violation.pair] = max(highest[violation.pair], violation.worst)
     counted = {violation.pair for violation in summary.violations}

@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 from phalanx_plant.run import ENDINGS
 
-from phalanx.launcher.in_process_engine import DirectRun
+from phalanx.launcher.simulation import Simulation
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.native import build, missing, require_compiler
 
 _PATIENCE = 20.0
@@ -31,12 +30,9 @@ def compile_scenario(scenario: Scenario, progress: Callable[[int, int], None]) -
     with missing() as functions, contextlib.suppress(*ENDINGS):
         rows = require_runnable(build_swarm(scenario))
         compile_rows(rows)
-        run, end = DirectRun(rows, None), time.monotonic() + _PATIENCE
-        instants = contextlib.closing(run.clock.instants(scenario.duration))
-        with endless_loops(scenario.time.timeout), instants as passing:
-            for _ in passing:
-                if time.monotonic() > end:
-                    break
-        run.plant.complete()
+        run, end = Simulation(rows), time.monotonic() + _PATIENCE
+        while time.monotonic() < end and run.advance(steps=1):
+            pass
+        run.finish("long enough")
     build(functions, lambda count: progress(count, len(functions)))
     return len(functions)

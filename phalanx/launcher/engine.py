@@ -68,7 +68,7 @@ ENGINES = {
         prepare="phalanx.launcher.libraries:start_loading",
     ),
     "in-process": EngineEntry(
-        "phalanx.launcher.in_process_engine:run_in_process",
+        "phalanx.launcher.simulation:run_in_process",
         "the same control steps called directly, faster; the trajectory is the same to the last "
         "bit",
     ),

@@ -6,14 +6,12 @@ A job holds all that it needs, so that it can travel to another machine.
 import threading
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import phalanx
-from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.modules import ModulesError, hashes, make_importable
-from phalanx.recording.read import Recording, swarm_of
-from phalanx.recording.records import State, Step
+from phalanx.recording.read import swarm_of
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
@@ -79,7 +77,6 @@ def row_by(work: Work, job: Job, identity: Identity) -> Row:
 
 def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
     records = RecordsInMemory()
-    summary = simulate(rows, records)
-    states, steps = records.of(State), records.of(Step)
-    recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
+    summary = Simulation(rows, records).run()
+    recording = records.recording(rows.swarm.scenario)
     return row_of(identity, job.overrides, summary, recording, rows.swarm)

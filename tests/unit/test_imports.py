@@ -306,7 +306,7 @@ def graph() -> Mapping[str, set[str]]:
     [
         ("phalanx_agent.step", "phalanx.wire"),
         ("phalanx_plant.run", "phalanx.wire"),
-        ("phalanx.launcher.in_process_engine", "phalanx.wire"),
+        ("phalanx.launcher.simulation", "phalanx.wire"),
         ("phalanx.recording.read", "phalanx.wire"),
         ("phalanx.recording.write", "phalanx.wire"),
         ("phalanx.scenario.load", "phalanx_plant"),

@@ -82,7 +82,7 @@ import os, signal, sys
 
 class Importing:
     def find_spec(self, name, path=None, target=None):
-        if name in ("phalanx.launcher.processes", "phalanx.launcher.in_process_engine"):
+        if name in ("phalanx.launcher.processes", "phalanx.launcher.simulation"):
             sys.meta_path.remove(self)
             LetGo()
 

@@ -23,7 +23,7 @@ from phalanx.guarantee.certificate import pair_certificate
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.check import check
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.launcher.simulation import DirectAgents
 from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING

@@ -12,7 +12,7 @@ import pytest
 
 import phalanx
 from phalanx import Command, CommandPolicy, Outcome, SteppedRun
-from phalanx.launcher import stepped
+from phalanx.launcher import simulation
 from phalanx.recording.records import State
 from phalanx.recording.write import RecordingWriter
 
@@ -90,10 +90,13 @@ def test_what_it_hands_out_is_a_copy():
 
 
 @pytest.mark.slow
-def test_ended_early_it_is_stopped_and_can_be_verified():
-    run = begin()
+def test_ended_early_it_is_stopped_and_can_be_verified(monkeypatch: pytest.MonkeyPatch):
+    run, closed = begin(), list[bool]()
+    world = run._simulation.clock.world
+    monkeypatch.setattr(world.integration, "close", lambda: closed.append(True))
     run.until(0.1)
     finished = run.end()
+    assert closed == [True]
     assert finished.verdict is Outcome.STOPPED
     assert finished.summary.reason == "ended by its program"
     assert finished.summary.t == run.t <= 0.1
@@ -133,7 +136,7 @@ def test_ctrl_c_in_a_step_ends_it_and_is_raised(
     run = phalanx.start(phalanx.load("unicycles", SOON), out=tmp_path)
     run.until(0.05)
     *path, name = call.split(".")
-    of = functools.reduce(getattr, path, run._course)
+    of = functools.reduce(getattr, path, run._simulation)
     monkeypatch.setattr(of, name, pressing(getattr(of, name)))
     with pytest.raises(KeyboardInterrupt):
         run.until()
@@ -167,7 +170,7 @@ def test_ctrl_c_of_a_whole_run_in_a_program_of_ones_own_tears_nothing(
 @pytest.mark.slow
 def test_an_error_of_ours_is_raised_and_never_taken_for_the_end(monkeypatch: pytest.MonkeyPatch):
     run = begin()
-    monkeypatch.setattr(run._course.world, "advance", lambda _: 1 / 0)
+    monkeypatch.setattr(run._simulation.clock.world, "advance", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run.until()
     assert run.end().summary.outcome is Outcome.BROKEN
@@ -222,8 +225,8 @@ def test_a_run_that_cannot_begin_leaves_its_recording_closed(monkeypatch: pytest
     def fails(*_: object) -> None:
         raise OSError("no plant")
 
-    monkeypatch.setattr(stepped, "RecordingWriter", Watched)
-    monkeypatch.setattr(stepped, "DirectRun", fails)
+    monkeypatch.setattr(simulation, "RecordingWriter", Watched)
+    monkeypatch.setattr(simulation, "PlantRun", fails)
     with pytest.raises(OSError, match="no plant"):
         begin()
     assert closed == [True]

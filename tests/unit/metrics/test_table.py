@@ -5,9 +5,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import phalanx
 import pytest
 
+import phalanx
 from phalanx.recording.metrics.table import METRICS, SWARM, in_words, metric_rows, metrics_of
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.recording.records import State, Step

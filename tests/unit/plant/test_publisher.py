@@ -13,7 +13,7 @@ from phalanx_viewer.feeds.replay import open_replay
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
-from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.launcher.simulation import DirectAgents
 from phalanx.messages.kinds import Frame, Status
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.runnable import compile_rows
