@@ -18,7 +18,7 @@ from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import Row, row_of
-from phalanx.studies.work import Job, row_by
+from phalanx.studies.work import Job, compute
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
 
@@ -88,11 +88,7 @@ class _KeepingDisturbances(ProcessPoolExecutor):
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Compute a study's job."""
-        return super().submit(_rows_of, self.kept, *args)
-
-
-def _rows_of(kept: Path, job: Job) -> list[Row]:
-    return [row_by(partial(_row, kept), job, identity) for identity in job.identities]
+        return super().submit(partial(compute, work=partial(_row, self.kept)), *args)
 
 
 def _row(kept: Path, job: Job, identity: Identity, rows: SafetyRows) -> Row:

@@ -5,26 +5,28 @@ journal has are not run again. So a killed search, and one with other workers, e
 """
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from phalanx.attacks.archive import Archive, Find, found
 from phalanx.attacks.knobs import Fields, Point, Space
 from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.robustness import scales_of
-from phalanx.attacks.trial import START, Trial, compute_trial, robustness_of
+from phalanx.attacks.trial import START, measured, robustness_of
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load
 from phalanx.schema.user_code import imported_sources
-from phalanx.studies.coordinator import MOST_ATTEMPTS
+from phalanx.studies.executing import Executing, Task
 from phalanx.studies.identity import Identity, digest_of_modules, versions
 from phalanx.studies.row import BROKEN, Row, json_text, row_from
 from phalanx.studies.store import Store
-from phalanx.studies.work import Job
+from phalanx.studies.work import Job, compute
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 _CLOSE = 1.0
@@ -91,8 +93,9 @@ class Search:
         self.swarm: Swarm = build_swarm(base)
         self.space, self.seed, self.archive = space, base.seed, Archive(base.duration)
         self.histories: list[History] = []
-        self._attack, self._scales = attack, scales_of(self.swarm)
-        self._store, self._executor, self._fresh = store, executor, fresh
+        self._work = partial(compute, work=partial(measured, attack, scales_of(self.swarm)))
+        self._store, self._fresh = store, fresh
+        self._executing = Executing(executor, math.inf)
         self._progress, self._first = progress, first
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
@@ -166,56 +169,26 @@ class Search:
     def _rows(self, wanted: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
         """Return the row of each run, in this order; those that the journal lacks are computed."""
         keys = [(json_text(overrides), seed) for overrides, seed in wanted]
-        missing = {
-            key: self._trial(*run, searched)
-            for key, run in zip(keys, wanted, strict=True)
-            if key not in self._known
-        }
-        self._compute(missing)
+        runs = dict(zip(keys, wanted, strict=True))
+        missing = [
+            self._task(key, *run, searched) for key, run in runs.items() if key not in self._known
+        ]
+        self._executing.run(iter(missing))
         self.unseen.difference_update(keys)
         return [self._known[key] for key in keys]
 
-    def _trial(self, overrides: Fields, seed: int, searched: bool) -> Trial:
-        identity = self._identity._replace(seed=seed)
-        job = Job(self.space.table, overrides, (identity,), self._modules)
-        return Trial(job, self._attack, self._scales, searched)
+    def _task(self, key: _Key, overrides: Fields, seed: int, searched: bool) -> Task:
+        identities = (self._identity._replace(seed=seed),)
+        job = Job(self.space.table, overrides, identities, self._modules)
+        return Task(self._work, job, (partial(self._take, key, searched),))
 
-    def _compute(self, trials: Mapping[_Key, Trial]) -> None:
-        attempts, history = dict.fromkeys(trials, 1), self.histories[-1]
-        pending: dict[Future[Row], _Key] = {}
-        try:
-            for key, trial in trials.items():
-                pending[self._executor.submit(compute_trial, trial)] = key
-            while pending:
-                with interrupt.NotDeferred():
-                    finished, _ = wait(pending, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    key = pending.pop(future)
-                    try:
-                        row = future.result()
-                    except Exception as error:  # of the executor: its worker died
-                        attempts[key] += 1
-                        if attempts[key] <= MOST_ATTEMPTS:
-                            again = self._executor.submit(compute_trial, trials[key])
-                            pending[again] = key
-                            continue
-                        row = _lost(trials[key], error)
-                    self._store.add(row)
-                    self._known[key] = row
-                    history.begun += row.searched and START not in robustness_of(row)
-                    self._progress(history)
-        finally:
-            for future in pending:
-                future.cancel()
-
-
-def _lost(trial: Trial, error: Exception) -> Row:
-    (identity,) = trial.job.identities
-    words = f"tried {MOST_ATTEMPTS} times: {type(error).__name__}: {error}"
-    return Row(
-        identity=identity, overrides=trial.job.overrides, outcome=BROKEN, reason=words,
-        searched=trial.searched,
-    )  # fmt: skip
+    def _take(self, key: _Key, searched: bool, row: Row) -> None:
+        row.searched = searched
+        self._store.add(row)
+        self._known[key] = row
+        history = self.histories[-1]
+        history.begun += searched and START not in robustness_of(row)
+        self._progress(history)
 
 
 def _targets(swarm: Swarm) -> list[set[str]]:

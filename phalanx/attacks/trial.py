@@ -1,7 +1,6 @@
 """One evaluation of a search, in any process: an admissible start is run, and measured."""
 
-from functools import partial
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import msgspec
 
@@ -10,31 +9,13 @@ from phalanx.attacks.robustness import evaluate_rows
 from phalanx.scenario.attack import Attack
 from phalanx.studies.identity import Identity, digest_of_scenario
 from phalanx.studies.row import REFUSED, Row, json_text, row_of
-from phalanx.studies.work import Job, row_by
+from phalanx.studies.work import Job
 from phalanx.swarm.rows import SafetyRows
 
 _INADMISSIBLE = 100.0
 """Cost of a start that is not admissible, to which its shortfall is added."""
 START = "start"
 """In the place of a pair: a run that did not begin."""
-
-
-class Trial(NamedTuple):
-    """A job of one run, and what a search asks of it."""
-
-    job: Job
-    attack: Attack
-    scales: dict[str, float]
-    """Of h of each pair, by label."""
-    searched: bool
-    """False for one on a fresh seed."""
-
-
-def compute_trial(trial: Trial) -> Row:
-    """Return the row of a trial, with its robustness."""
-    (identity,) = trial.job.identities
-    row = row_by(partial(_measured, trial), trial.job, identity)
-    return msgspec.structs.replace(row, searched=trial.searched)
 
 
 def robustness_of(row: Row) -> dict[str, float]:
@@ -45,14 +26,17 @@ def robustness_of(row: Row) -> dict[str, float]:
     return found
 
 
-def _measured(trial: Trial, job: Job, identity: Identity, rows: SafetyRows) -> Row:
+def measured(
+    attack: Attack, scales: Mapping[str, float], job: Job, identity: Identity, rows: SafetyRows
+) -> Row:
+    """Return the row of a run, with its robustness; scales: of h of each pair, by label."""
     identity = identity._replace(scenario=digest_of_scenario(rows.swarm.scenario))
-    short, reason = shortfall(rows.swarm, trial.attack)
+    short, reason = shortfall(rows.swarm, attack)
     if short > 0.0:
         return Row(
             identity=identity, overrides=job.overrides, outcome=REFUSED, reason=reason,
             robustness=json_text({START: _INADMISSIBLE + short}),
         )  # fmt: skip
-    found = evaluate_rows(rows, trial.scales)
+    found = evaluate_rows(rows, scales)
     row = row_of(identity, job.overrides, found.summary, found.recording, rows.swarm)
     return msgspec.structs.replace(row, robustness=json_text(found.pairs))

@@ -1,9 +1,10 @@
-"""The coordinator of a study: hands out what is missing, and stores each row as it comes."""
+"""The coordinator of a study: has executed what is missing, and stores each row as it comes."""
 
 import logging
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -12,18 +13,17 @@ import msgspec
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
 from phalanx.seeded.draws import Draws
+from phalanx.studies.executing import Executing, Task
 from phalanx.studies.identity import Identity
 from phalanx.studies.inventory import Inventory, identity_of
 from phalanx.studies.plan import Case, Plan, Point
-from phalanx.studies.row import BROKEN, REFUSED, Row, json_text
+from phalanx.studies.row import REFUSED, Row, json_text
 from phalanx.studies.statistics.sequences import runs_until_width
 from phalanx.studies.store import Store
 from phalanx.studies.work import Job, compute, confirm
 
 log = logging.getLogger("phalanx.studies")
 
-MOST_ATTEMPTS = 3
-"""Attempts at a run whose worker dies."""
 _MOST_SURPRISES = 20
 """Violated or broken runs that are run again as processes, besides the share of all."""
 _SURPRISING = (Outcome.VIOLATED, Outcome.BROKEN)
@@ -37,7 +37,7 @@ class StudyProgress(NamedTuple):
     outcomes: Counter[str]
     """Rows by outcome, those that were there before included."""
     computed: int
-    """Rows that this program computed."""
+    """Rows that this program computed, or gave up."""
     confirmed: int
     """Runs that were repeated as processes with the same trajectory."""
 
@@ -85,26 +85,13 @@ class _PointState:
         return self._narrow
 
 
-class _Handed(NamedTuple):
-    """A job that was handed out."""
-
-    job: Job
-    cases: list[Case]
-    state: _PointState
-    again: Row | None = None
-    """The row that is to be confirmed."""
-    attempt: int = 1
-
-
 class Coordinator:
     """Executes one plan."""
 
     def __init__(self, plan: Plan, store: Store, executor: Executor, options: Options) -> None:
-        self._plan, self._store, self._executor, self._options = plan, store, executor, options
+        self._plan, self._store, self._options = plan, store, options
         self._inventory = Inventory(store)
-        self._pending: dict[Future[list[Row]], _Handed] = {}
-        self._next: deque[_Handed] = deque()
-        """Jobs to hand out before others: repetitions."""
+        self._executing = Executing(executor, options.in_flight, self._report)
         self._surprises = 0
         self._outcomes: Counter[str] = Counter()
         self._computed = self._confirmed = 0
@@ -114,41 +101,21 @@ class Coordinator:
     @interrupt.deferred()
     def run(self) -> None:
         """Compute every row that is missing. Raises OSError if one cannot be stored."""
-        jobs = self._missing()
-        try:
-            while True:
-                while len(self._pending) < self._options.in_flight:
-                    handed = self._next.popleft() if self._next else next(jobs, None)
-                    if handed is None:
-                        break
-                    work = compute if handed.again is None else confirm
-                    self._pending[self._executor.submit(work, handed.job)] = handed
-                self._report()
-                if not self._pending:
-                    return
-                with interrupt.NotDeferred():
-                    finished, _ = wait(self._pending, return_when=FIRST_COMPLETED)
-                for future in sorted(finished, key=lambda f: self._pending[f].cases[0].row):
-                    self._take(future, self._pending.pop(future))
-        finally:
-            for future in self._pending:
-                future.cancel()
+        self._executing.run(self._missing())
 
     def _report(self) -> None:
-        done = self._outcomes.total()
-        self._options.progress(
-            StudyProgress(
-                done, self._plan.size, self._outcomes.copy(), self._computed, self._confirmed
-            )
-        )
+        outcomes = self._outcomes.copy()
+        done, total = outcomes.total(), self._plan.size
+        progress = StudyProgress(done, total, outcomes, self._computed, self._confirmed)
+        self._options.progress(progress)
 
-    def _missing(self) -> Iterator[_Handed]:
+    def _missing(self) -> Iterator[Task]:
         """Yield jobs for the runs that have no row with their identity."""
         for number, cases in groupby(self._plan.cases(), key=lambda case: case.point.number):
             state = _PointState(self._plan.point(number), len(self._plan.seeds))
             yield from self._missing_of(state, list(cases))
 
-    def _missing_of(self, state: _PointState, cases: list[Case]) -> Iterator[_Handed]:
+    def _missing_of(self, state: _PointState, cases: list[Case]) -> Iterator[Task]:
         """Yield jobs of one point; store rows of runs that cannot begin."""
         of_seed, sources, refusal = identity_of(self._plan, cases[0])
         chunk: list[tuple[Case, Identity]] = []
@@ -165,45 +132,26 @@ class Coordinator:
             else:
                 chunk.append((case, identity))
             if len(chunk) == self._options.chunk:
-                yield self._handed(state, chunk, sources)
+                yield self._task(state, chunk, sources)
                 chunk = []
         if chunk:
-            yield self._handed(state, chunk, sources)
+            yield self._task(state, chunk, sources)
 
-    def _handed(
+    def _task(
         self, state: _PointState, chunk: list[tuple[Case, Identity]], sources: dict[str, bytes]
-    ) -> _Handed:
+    ) -> Task:
         identities = tuple(identity for _, identity in chunk)
         job = Job(self._plan.table, state.point.overrides, identities, sources)
-        return _Handed(job, [case for case, _ in chunk], state)
+        return Task(compute, job, tuple(partial(self._take, state, case, job) for case, _ in chunk))
 
-    def _take(self, future: "Future[list[Row]]", handed: _Handed) -> None:
-        """Store the rows of a job that ended."""
-        if handed.again is not None:
-            self._take_confirmed(future, handed.again)
-            return
-        try:
-            rows = future.result()
-        except Exception as error:  # of the executor: its worker died
-            self._take_failure(handed, f"{type(error).__name__}: {error}")
-            return
-        for case, row in zip(handed.cases, rows, strict=True):
-            self._computed += 1
-            self._add(handed.state, case, row)
-            if self._to_confirm(row):
-                job = handed.job._replace(identities=(row.identity,))
-                self._next.append(_Handed(job, [case], handed.state, row))
-
-    def _take_failure(self, handed: _Handed, reason: str) -> None:
-        """Hand out the runs of a job again, each alone; the last time store that they failed."""
-        for case, identity in zip(handed.cases, handed.job.identities, strict=True):
-            job = handed.job._replace(identities=(identity,))
-            if handed.attempt < MOST_ATTEMPTS:
-                self._next.append(_Handed(job, [case], handed.state, attempt=handed.attempt + 1))
-                continue
-            words = f"tried {MOST_ATTEMPTS} times: {reason}"
-            row = Row(identity=identity, overrides=job.overrides, outcome=BROKEN, reason=words)
-            self._add(handed.state, case, row)
+    def _take(self, state: _PointState, case: Case, job: Job, row: Row) -> None:
+        """Store the row of a run, and have the run repeated if it must be."""
+        self._computed += 1
+        self._add(state, case, row)
+        if self._to_confirm(row):
+            alone = job._replace(identities=(row.identity,))
+            repetition = Task(confirm, alone, (partial(self._take_confirmed, row),), attempts=1)
+            self._executing.first.append(repetition)
 
     def _to_confirm(self, row: Row) -> bool:
         if not self._options.confirm or not row.trajectory:
@@ -214,12 +162,11 @@ class Coordinator:
         drawn = Draws(0, "confirm", row.identity.key).value(0)
         return drawn < self._options.confirm
 
-    def _take_confirmed(self, future: "Future[list[Row]]", row: Row) -> None:
+    def _take_confirmed(self, row: Row, again: Row) -> None:
         """Store a row again with the result of its run as processes."""
-        try:
-            (again,) = future.result()
-        except Exception as error:
-            log.warning("seed %d was not repeated as processes: %s", row.identity.seed, error)
+        if not again.trajectory:
+            seed = row.identity.seed
+            log.warning("seed %d was not repeated as processes: %s", seed, again.reason)
             return
         same = again.trajectory == row.trajectory
         self._confirmed += same

@@ -38,11 +38,6 @@ _ONE_AT_A_TIME = threading.Lock()
 """
 
 
-def compute(job: Job) -> list[Row]:
-    """Run every run of a job to its verdict, without files; return their rows."""
-    return [row_by(_measured, job, identity) for identity in job.identities]
-
-
 def confirm(job: Job) -> list[Row]:
     """Repeat a job's one run with every program a process of its own; return its row."""
     (identity,) = job.identities
@@ -58,7 +53,7 @@ Work = Callable[[Job, Identity, SafetyRows], Row]
 """Makes the row of a run from its compiled rows."""
 
 
-def row_by(work: Work, job: Job, identity: Identity) -> Row:
+def _row_by(work: Work, job: Job, identity: Identity) -> Row:
     """Return the row that a work makes; without a run, one that says why."""
     began = time.monotonic()
     try:
@@ -80,3 +75,8 @@ def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
     summary = Simulation(rows, records).run()
     recording = records.recording(rows.swarm.scenario)
     return row_of(identity, job.overrides, summary, recording, rows.swarm)
+
+
+def compute(job: Job, work: Work = _measured) -> list[Row]:
+    """Run every run of a job to its verdict, without files; return their rows."""
+    return [_row_by(work, job, identity) for identity in job.identities]

@@ -10,7 +10,8 @@ import msgspec
 import polars as pl
 import pytest
 
-from phalanx.studies.coordinator import MOST_ATTEMPTS, Coordinator, Options
+from phalanx.studies.coordinator import Coordinator, Options
+from phalanx.studies.executing import MOST_ATTEMPTS
 from phalanx.studies.plan import plan_from
 from phalanx.studies.row import Row
 from phalanx.studies.store import Store
