@@ -19,7 +19,6 @@ from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.read import Recording
-from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import shared_rows
@@ -68,7 +67,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
         raise KeyboardInterrupt  # the plant reacted to it
     recording = records.recording(swarm.scenario)
     # Between two states an unsafe h is in the summary's violations, to the integration step.
-    highest = {label: float(h.max()) for label, h in h_of_pairs(swarm, recording.x).items()}
+    highest = {label: float(h.max()) for label, h in swarm.h_of_pairs(recording.x).items()}
     left = dict(zip(highest, simulation.plant.judge.coverage.least.tolist(), strict=True))
     for violation in summary.violations:
         highest[violation.pair] = max(highest[violation.pair], violation.worst)
@@ -96,7 +95,7 @@ def robustness(h: float, left: float) -> float:
 
 def scales_of(swarm: Swarm) -> dict[str, float]:
     """Return the scale of each pair's h, by label: the least |h| at x(0) of pairs of its kind."""
-    at_start = h_of_pairs(swarm, swarm.start()[None])
+    at_start = swarm.h_of_pairs(swarm.start()[None])
     size = np.array([abs(float(h[0])) for h in at_start.values()])
     kinds = swarm.pairs.kinds_of(swarm.pairs.every)
     least = {kind: float(size[kinds == kind].min()) for kind in set(kinds.tolist())}

@@ -22,7 +22,6 @@ from phalanx.launcher.engine import RunOptions
 from phalanx.launcher.run import Run
 from phalanx.launcher.simulation import Simulation
 from phalanx.launcher.start import new_folder
-from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
@@ -111,7 +110,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     @property
     def h(self) -> dict[str, float]:
         """Every pair's h, as "<agent>-<agent>"; safe is h <= 0."""
-        found = h_of_pairs(self._swarm, self._simulation.clock.world.x[None])
+        found = self._swarm.h_of_pairs(self._simulation.clock.world.x[None])
         return {label: float(h[0]) for label, h in found.items()}
 
     @property

@@ -5,15 +5,12 @@ Each begins with run, scenario and seed, so that tables of several runs can be c
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from phalanx.guarantee.verdict import Summary
 from phalanx.messages.profile import TimeSpent
 from phalanx.messages.step_report import QUANTITIES
 from phalanx.recording.read import Recording
 from phalanx.schema.extensions import extras_named
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added
 
 with extras_named():
@@ -34,21 +31,11 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """Make a row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
-    found = h_of_pairs(swarm, recording.x)
+    found = swarm.h_of_pairs(recording.x)
     table = pl.DataFrame(
         {"t": recording.times} | found, schema=dict.fromkeys(("t", *found), pl.Float64)
     )
     return of_run(recording, table)
-
-
-def h_of_pairs(swarm: Swarm, x: Array) -> dict[str, Array]:
-    """Return every pair's h at stacked states x, shape (s, n̄), as "<agent>-<agent>"."""
-    composed, every = swarm.safe_set, swarm.pairs.choose(swarm.pairs.every)
-    labels = [composed.label(pair) for pair in composed.pairs]
-    h = np.empty((len(labels), len(x)))
-    if len(x):
-        h[every.order] = every.h(x).T
-    return dict(zip(labels, h, strict=True))
 
 
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:

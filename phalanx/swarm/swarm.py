@@ -303,6 +303,15 @@ class Swarm:
         functions = {number: motion_function(each) for number, each in different.items()}
         return {m.name: Output(i, functions[id(m.dynamics)]) for i, m in enumerate(self.members)}
 
+    def h_of_pairs(self, x: Array) -> dict[str, Array]:
+        """Return every pair's h at stacked states x, shape (s, n̄), as "<agent>-<agent>"."""
+        composed, every = self.safe_set, self.pairs.choose(self.pairs.every)
+        labels = [composed.label(pair) for pair in composed.pairs]
+        h = np.empty((len(labels), len(x)))
+        if len(x):
+            h[every.order] = every.h(x).T
+        return dict(zip(labels, h, strict=True))
+
     def start(self) -> Array:
         """Return x(0), shape (n̄,): each agent's start plus its spread, drawn by (seed, name)."""
         return self._x0.copy()

@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -98,6 +99,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_worlds": rooms("theory.expressions theory.models"),
     "phalanx_ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
 }
+# Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
+# more says in its commit what pays for it.
+BUDGET: Mapping[str, int] = {}
 EXTENSIONS = {
     "phalanx.recording.curves",
     "phalanx.report",
@@ -237,6 +241,37 @@ def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
     wrong = [f"{m}: {n}" for m, names in named.items() for n in names if n.split(".")[0] in APART]
     assert wrong == []
     assert len(tests) > 100
+
+
+LANGUAGES = {".py", ".c", ".js", ".html", ".css"}
+
+
+def lines_by_room() -> Counter[str]:
+    """Lines of the product by room of phalanx/ and by program, all languages counted."""
+    lines: Counter[str] = Counter()
+    for top in ("phalanx", *PROGRAMS):
+        for file in (ROOT / top).rglob("*"):
+            if file.suffix in LANGUAGES:
+                room = file.relative_to(ROOT / top).parts[0] if top == "phalanx" else top
+                lines[room] += len(file.read_text("utf-8").splitlines())
+    return lines
+
+
+def test_no_room_is_larger_than_its_budget():
+    lines = lines_by_room()
+    assert {room: n for room, n in lines.items() if n > BUDGET.get(room, 300)} == {}
+    slack = {room: BUDGET[room] - lines[room] for room in BUDGET if BUDGET[room] > lines[room] + 60}
+    assert slack == {}, "a budget falls with its room"
+
+
+@pytest.mark.parametrize(
+    ("program", "most"), [("phalanx_agent.main", 0), ("phalanx.launcher.simulation", 0)]
+)
+def test_a_program_reaches_few_lines(program, most):
+    files = dict(modules())
+    reach = sum(len(files[name].read_text("utf-8").splitlines()) for name in reached(program))
+    print(f"{program} reaches {reach} lines")
+    assert reach <= most
 
 
 def test_random_numbers_come_from_one_room():
