@@ -45,18 +45,6 @@ class StudyProgress(NamedTuple):
 Progress = Callable[[StudyProgress], None]
 
 
-class Options(NamedTuple):
-    """Options of a study's execution; none changes a row."""
-
-    in_flight: int
-    """Most jobs that are handed out at a time."""
-    chunk: int
-    """Runs in a job."""
-    confirm: float
-    """Share of the runs that are repeated as processes."""
-    progress: Progress
-
-
 class _PointState:
     """The outcomes of one point's runs, in the order of seeds."""
 
@@ -88,10 +76,14 @@ class _PointState:
 class Coordinator:
     """Executes one plan."""
 
-    def __init__(self, plan: Plan, store: Store, executor: Executor, options: Options) -> None:
-        self._plan, self._store, self._options = plan, store, options
-        self._inventory = Inventory(store)
-        self._executing = Executing(executor, options.in_flight, self._report)
+    def __init__(
+        self, plan: Plan, store: Store, executor: Executor, in_flight: int, chunk: int,
+        share: float, progress: Progress,
+    ) -> None:  # fmt: skip
+        """Prepare; study describes the options, of which none changes a row; share: to confirm."""
+        self._plan, self._store, self._inventory = plan, store, Inventory(store)
+        self._executing = Executing(executor, in_flight, self._report)
+        self._chunk, self._share, self._progress = chunk, share, progress
         self._surprises = 0
         self._outcomes: Counter[str] = Counter()
         self._computed = self._confirmed = 0
@@ -106,8 +98,7 @@ class Coordinator:
     def _report(self) -> None:
         outcomes = self._outcomes.copy()
         done, total = outcomes.total(), self._plan.size
-        progress = StudyProgress(done, total, outcomes, self._computed, self._confirmed)
-        self._options.progress(progress)
+        self._progress(StudyProgress(done, total, outcomes, self._computed, self._confirmed))
 
     def _missing(self) -> Iterator[Task]:
         """Yield jobs for the runs that have no row with their identity."""
@@ -131,7 +122,7 @@ class Coordinator:
                 self._add(state, case, row)
             else:
                 chunk.append((case, identity))
-            if len(chunk) == self._options.chunk:
+            if len(chunk) == self._chunk:
                 yield self._task(state, chunk, sources)
                 chunk = []
         if chunk:
@@ -154,13 +145,13 @@ class Coordinator:
             self._executing.first.append(repetition)
 
     def _to_confirm(self, row: Row) -> bool:
-        if not self._options.confirm or not row.trajectory:
+        if not self._share or not row.trajectory:
             return False
         if row.outcome in _SURPRISING and self._surprises < _MOST_SURPRISES:
             self._surprises += 1
             return True
         drawn = Draws(0, "confirm", row.identity.key).value(0)
-        return drawn < self._options.confirm
+        return drawn < self._share
 
     def _take_confirmed(self, row: Row, again: Row) -> None:
         """Store a row again with the result of its run as processes."""

@@ -23,7 +23,7 @@ from phalanx.launcher.start import run as run_scenario
 from phalanx.scenario.model import Scenario
 from phalanx.schema.extensions import extension
 from phalanx.schema.registry import as_table
-from phalanx.studies.coordinator import Coordinator, Options, Progress, StudyProgress
+from phalanx.studies.coordinator import Coordinator, Progress, StudyProgress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
 from phalanx.studies.row import REFUSED, counted, json_text
@@ -109,7 +109,7 @@ def study(
         _shown(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
-        Coordinator(plan, store, computing, Options(most, chunk, confirm, show)).run()
+        Coordinator(plan, store, computing, most, chunk, confirm, show).run()
     return Study(folder, plan, temporary)
 
 

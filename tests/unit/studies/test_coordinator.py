@@ -10,7 +10,7 @@ import msgspec
 import polars as pl
 import pytest
 
-from phalanx.studies.coordinator import Coordinator, Options
+from phalanx.studies.coordinator import Coordinator
 from phalanx.studies.executing import MOST_ATTEMPTS
 from phalanx.studies.plan import plan_from
 from phalanx.studies.row import Row
@@ -48,9 +48,9 @@ class Here(Executor):
 
 def run(folder: Path, executor: Executor, plan: Any = PLAN, **options: Any) -> pl.DataFrame:
     """Execute a plan; return its rows."""
-    chosen = Options(**{"in_flight": 2, "chunk": 8, "confirm": 0.0, "progress": list} | options)
+    chosen = {"in_flight": 2, "chunk": 8, "share": 0.0, "progress": lambda _: None} | options
     with Store(folder).open(plan_from(plan)) as store:
-        Coordinator(plan_from(plan), store, executor, chosen).run()
+        Coordinator(plan_from(plan), store, executor, **chosen).run()
         return store.frame()
 
 
@@ -93,7 +93,7 @@ def test_a_run_whose_workers_always_die_is_given_up(tmp_path):
 
 @pytest.mark.parametrize(("then", "same"), [(lambda _, rows: rows, True), (elsewhere, False)])
 def test_a_row_says_whether_its_run_as_processes_had_the_same_trajectory(tmp_path, then, same):
-    frame = run(tmp_path, Here(then), confirm=1.0)
+    frame = run(tmp_path, Here(then), share=1.0)
     assert frame["confirmed"].to_list() == [same]
     assert frame["trajectory"].to_list() != ["0" * 8]
 
@@ -104,7 +104,7 @@ def test_a_repetition_that_fails_leaves_its_row_unconfirmed(tmp_path):
             raise OSError("no port is free")
         return rows
 
-    frame = run(tmp_path, Here(fails), confirm=1.0)
+    frame = run(tmp_path, Here(fails), share=1.0)
     assert frame["confirmed"].to_list() == [None]
     assert frame["outcome"].to_list() == ["guaranteed"]
 
@@ -115,13 +115,13 @@ def test_violated_runs_are_repeated_whatever_the_share_and_only_so_many(tmp_path
         return [msgspec.structs.replace(row, outcome="violated") for row in rows]
 
     executor = Here(violated)
-    run(tmp_path, executor, {**PLAN, "seeds": "0:23"}, confirm=1e-9)
+    run(tmp_path, executor, {**PLAN, "seeds": "0:23"}, share=1e-9)
     assert Counter(fn for fn, _ in executor.jobs)[confirm] == 20
 
 
 def test_nothing_is_repeated_if_the_share_is_none(tmp_path):
     executor = Here(lambda _, rows: [msgspec.structs.replace(r, outcome="violated") for r in rows])
-    run(tmp_path, executor, confirm=0.0)
+    run(tmp_path, executor, share=0.0)
     assert [fn for fn, _ in executor.jobs] == [compute]
 
 
