@@ -195,9 +195,8 @@ class ControlStep:
         decided = self._unreported + self._decide_fates(accepted)
         fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
         received = self.inbox.received
-        convictions = (
-            self._watch(sample.t, x, sample.seen, self.inbox.delivered) if self._watch else ()
-        )
+        watch, delivered = self._watch, self.inbox.delivered
+        convictions = watch(sample.t, x, sample.seen, delivered) if watch else ()
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -211,7 +210,7 @@ class ControlStep:
                 fates=fates,
                 rejected=self.rejected,
                 received=self._clock.reported(received),
-                convictions=tuple([(c.of, c.begin, c.end, c.excess) for c in convictions]),
+                convictions=tuple(convictions),
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,

@@ -12,7 +12,7 @@ import msgspec
 from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.step_report import AppliedStep, StepReport
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Conviction, Fate
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
 
@@ -120,8 +120,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """Payloads dropped by this agent so far."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
-    convictions: tuple[tuple[int, float, float, float], ...] = ()
-    """(agent's index, begin and end of the window [s], excess) of each new conviction."""
+    convictions: tuple[Conviction, ...] = ()
+    """The new ones."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
     """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
     notes: Annotated[tuple[Note, ...], msgspec.Meta(max_length=MOST_NOTES)] = ()

@@ -45,6 +45,19 @@ class Fate(msgspec.Struct, array_like=True, frozen=True):
     """Its claim; None if it was lost."""
 
 
+class Conviction(msgspec.Struct, array_like=True, frozen=True):
+    """A finding that an agent did not hold the inputs that it announced."""
+
+    of: int
+    """Index of the agent."""
+    begin: float
+    """First sample of the window [s]."""
+    end: float
+    """Second sample of the window [s]."""
+    excess: float
+    """By how much more than φ^max it takes to explain the motion, in units of x'."""
+
+
 class BroadcastInbox:
     """Broadcasts of the other agents, in the order of their sequence numbers.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.network.inbox import SentInput
+from phalanx.network.inbox import Conviction, SentInput
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.information import ReceivedInput
@@ -15,19 +15,6 @@ DEFECT = 1e-4
 """Bound on the plant's integration error, as a disturbance [1/s]."""
 _MOST = 64
 """Windows and broadcasts of one agent that are kept: later ones replace the oldest."""
-
-
-class Conviction(NamedTuple):
-    """A finding that an agent did not hold the inputs that it announced."""
-
-    of: int
-    """Index of the agent."""
-    begin: float
-    """First sample of the window [s]."""
-    end: float
-    """Second sample of the window [s]."""
-    excess: float
-    """By how much more than φ^max it takes to explain the motion, in units of x'."""
 
 
 class _Seen(NamedTuple):

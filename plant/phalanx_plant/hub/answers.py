@@ -122,7 +122,7 @@ class Answers:
             raise Malformed("wrong size")
         senders = [fate.sender for fate in message.fates]
         senders += [l for l, _ in message.ages] + [l for l, _, _ in message.received]
-        senders += [found[0] for found in message.convictions]
+        senders += [conviction.of for conviction in message.convictions]
         if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
         if message.report.origin not in self._origins:

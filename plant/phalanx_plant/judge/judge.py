@@ -15,7 +15,7 @@ from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.guarantee.verdict import Convicted, TrustSummary
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import Claim, Conviction, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Index
@@ -273,10 +273,10 @@ class Judge:
             notices.append(self._conviction(i, t, conviction))
         return telemetry, received, notices
 
-    def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:
+    def _conviction(self, i: int, t: float, conviction: Conviction) -> Log:
         """Keep a conviction by agent i at t [s], and describe it."""
-        l, begin, end, excess = found
-        by, of = self._names[i], self._names[l]
+        by, of = self._names[i], self._names[conviction.of]
+        begin, end, excess = conviction.begin, conviction.end, conviction.excess
         self._convictions.append(Convicted(by, of, t, begin, end, excess))
         text = (
             f"agent {by} convicts agent {of}: from {begin:.3f} to {end:.3f} s it did not hold what "

@@ -9,7 +9,7 @@ from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import Actuation, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import Claim, Conviction, Fate
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import swarm_of_scenario
 
@@ -105,8 +105,8 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"convictions": ((5, 0.0, 1.0, 0.1),)}, "unknown sender"),
-        ({"convictions": ((-1, 0.0, 1.0, 0.1),)}, "unknown sender"),
+        ({"convictions": (Conviction(5, 0.0, 1.0, 0.1),)}, "unknown sender"),
+        ({"convictions": (Conviction(-1, 0.0, 1.0, 0.1),)}, "unknown sender"),
         ({"report": replace(MADE, origin=Origin.PROVEN)}, "unknown origin"),
     ],
 )

@@ -19,7 +19,7 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import Claim, Conviction, Fate
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import rows_of_scenario
@@ -136,7 +136,7 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
     assert counted(judge, "truthful broadcasts") == (1, 2, 0.005)
 
 
-CONVICTED = {"convictions": ((1, 0.0, 0.01, 2.0),)}
+CONVICTED = {"convictions": (Conviction(1, 0.0, 0.01, 2.0),)}
 
 
 @pytest.mark.slow
