@@ -20,9 +20,9 @@ from typing import Any
 
 import casadi as ca
 
-from phalanx.attacks.attack import Attacked, Options, attack
+from phalanx.attacks.attack import Attacked, attack
 from phalanx.attacks.attacking import smallest
-from phalanx.attacks.search import History
+from phalanx.attacks.search import History, Options
 from phalanx.extend import IntegratedMargin, PairRow
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text, set_field

@@ -10,10 +10,9 @@ import tomli_w
 
 from phalanx.attacks.archive import Behaviour, Find, write_finds
 from phalanx.attacks.knobs import space_of
-from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.page import write_attack_page
 from phalanx.attacks.presets import WITHIN, preset
-from phalanx.attacks.search import History, Search, declaration
+from phalanx.attacks.search import History, Options, Search, declaration
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table, set_field
@@ -21,33 +20,6 @@ from phalanx.studies.store import Store, StudyError
 from phalanx.studies.study import Computing
 
 DECLARATION, PAGE = "attack.toml", "attack.html"
-BASELINE = "random"
-
-
-@dataclass(frozen=True)
-class Options:
-    """Options of a search; all but the budget decide what its rows are."""
-
-    budget: int
-    """Most runs of each optimiser, without those on fresh seeds."""
-    preset: str | None = None
-    """Adds knobs; by default `within` for a scenario without an [attack] table."""
-    optimiser: str = next(iter(OPTIMISERS))
-    seed: int = 0
-    """Of the search; the runs have the scenario's."""
-    batch: int | None = None
-    """Points in a generation; by default the optimiser's."""
-    fresh: int = 4
-    """Seeds on which the best of a generation is repeated."""
-    first: bool = False
-    """Whether each optimiser ends with the generation of its first violated run."""
-    baseline: bool = True
-    """Whether a random search with the same budget follows."""
-
-    @property
-    def optimisers(self) -> list[str]:
-        """Names of the optimisers that search, in this order."""
-        return list(dict.fromkeys([self.optimiser, *[BASELINE] * self.baseline]))
 
 
 @dataclass(frozen=True)
@@ -96,18 +68,10 @@ def attack(
     rows_of |= {} if options.batch is None else {"batch": options.batch}
     store = _opened(folder, tomli_w.dumps(declaration(space, knobs, rows_of)))
     with store, Computing(executor, workers) as computing:
-        search = Search(
-            space,
-            knobs,
-            store,
-            computing,
-            fresh=options.fresh,
-            first=options.first,
-            progress=progress,
-        )
+        search = Search(space, knobs, store, computing, options, progress)
         try:
             for optimiser in options.optimisers:
-                search.run(optimiser, options.budget, options.seed, options.batch)
+                search.run(optimiser)
             return _written(search, folder)
         except BaseException:
             interrupt.clear()  # to write the page is to run the best attack again

@@ -14,8 +14,8 @@ from phalanx.launcher.streams import echo, echo_error
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from phalanx.attacks.attack import Attacked, Options
-    from phalanx.attacks.search import History
+    from phalanx.attacks.attack import Attacked
+    from phalanx.attacks.search import History, Options
 
 
 def register(app: typer.Typer) -> None:
@@ -84,8 +84,8 @@ def attack(
       phalanx attack unicycles --preset beyond --set duration=6 --workers 4
       phalanx run attacks/guaranteed/found/01-1-4-1.68s.toml
     """
-    from phalanx.attacks.attack import Options
     from phalanx.attacks.attack import attack as search
+    from phalanx.attacks.search import Options
     from phalanx.scenario.load import field_and_value
     from phalanx.studies.store import StudyError
 

@@ -39,6 +39,32 @@ _Key = tuple[str, int]
 """Overrides as JSON, and the seed."""
 
 
+@dataclass(frozen=True)
+class Options:
+    """Options of a search; all but the budget decide what its rows are."""
+
+    budget: int
+    """Most runs of each optimiser, without those on fresh seeds."""
+    preset: str | None = None
+    """Adds knobs; by default `within` for a scenario without an [attack] table."""
+    optimiser: str = next(iter(OPTIMISERS))
+    seed: int = 0
+    """Of the search; the runs have the scenario's."""
+    batch: int | None = None
+    """Points in a generation; by default the optimiser's."""
+    fresh: int = 4
+    """Seeds on which the best of a generation is repeated."""
+    first: bool = False
+    """Whether each optimiser ends with the generation of its first violated run."""
+    baseline: bool = True
+    """Whether a random search with the same budget follows."""
+
+    @property
+    def optimisers(self) -> list[str]:
+        """Names of the optimisers that search, in this order."""
+        return list(dict.fromkeys([self.optimiser, *["random"] * self.baseline]))
+
+
 @dataclass
 class History:
     """The evaluations of one optimiser, in their order."""
@@ -77,30 +103,21 @@ class Search:
         attack: Attack,
         store: Store,
         executor: Executor,
-        *,
-        fresh: int = 4,
-        first: bool = False,
-        progress: Callable[[History], object] = lambda _: None,
+        options: Options,
+        progress: Callable[[History], object],
     ) -> None:
-        """Prepare a search in an open store.
-
-        fresh: seeds on which the best run of a generation is repeated, if it is new in the archive.
-        first: end each optimiser at its first violated run.
-
-        Raises ScenarioError, StudyError.
-        """
+        """Prepare a search in an open store. Raises ScenarioError, StudyError."""
         base = load(space.table)
         self.swarm: Swarm = build_swarm(base)
         self.space, self.seed, self.archive = space, base.seed, Archive(base.duration)
         self.histories: list[History] = []
         self._work = partial(compute, work=partial(measured, attack, scales_of(self.swarm)))
-        self._store, self._fresh = store, fresh
+        self._store, self._options, self._progress = store, options, progress
         self._executing = Executing(executor, math.inf)
-        self._progress, self._first = progress, first
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
         self._targets = _targets(self.swarm)
-        self._turns = self._budget = 0
+        self._turns = 0
         self.unseen = set[_Key]()
         """Of the store's searched rows, those that no optimiser asked for yet."""
         self._known: dict[_Key, Row] = {}
@@ -114,19 +131,18 @@ class Search:
     # A Ctrl-C must not interrupt storing: it ends the search at the next wait.
     @interrupt.handled()
     @interrupt.deferred()
-    def run(self, optimiser: str, budget: int, seed: int, batch: int | None = None) -> History:
-        """Let an optimiser make so many runs. Raises OSError."""
+    def run(self, optimiser: str) -> None:
+        """Let an optimiser make its runs. Raises OSError."""
         history = History(optimiser)
         self.histories.append(history)
-        self._turns, self._budget = 0, budget
+        self._turns = 0
         self._progress(history)
         with contextlib.suppress(_BudgetSpentError):
-            OPTIMISERS[optimiser](self.space, self, seed, batch)
-        return history
+            OPTIMISERS[optimiser](self.space, self, self._options.seed, self._options.batch)
 
     def costs(self, points: Sequence[Point]) -> list[float]:
         """Evaluate a generation, or what the budget leaves of it: the cost of each point's run."""
-        history, budget = self.histories[-1], self._budget
+        history, budget = self.histories[-1], self._options.budget
         wanted = [(self.space.overrides(point), self.seed) for point in points]
         rows: list[Row] = []
         begun: list[Row] = []
@@ -142,7 +158,7 @@ class Search:
         if new:
             self._try_again(min(new, key=lambda find: find.robustness))
         self._progress(history)
-        ended = self._first and history.violated
+        ended = self._options.first and history.violated
         if ended or len(history.finds) >= budget or history.refused >= _MOST_REFUSED * budget:
             raise _BudgetSpentError
         return [self._cost(row) for row in rows]
@@ -160,11 +176,12 @@ class Search:
 
     def _try_again(self, find: Find) -> None:
         """Repeat a run on fresh seeds: it may need its own disturbances."""
-        if find.robustness < _CLOSE and self._fresh:
-            seeds = range(self.seed + 1, self.seed + 1 + self._fresh)
+        fresh = self._options.fresh
+        if find.robustness < _CLOSE and fresh:
+            seeds = range(self.seed + 1, self.seed + 1 + fresh)
             again = [(find.row.overrides, seed) for seed in seeds]
             self.archive.confirm(find, self._rows(again, searched=False))
-            self.histories[-1].fresh += self._fresh
+            self.histories[-1].fresh += fresh
 
     def _rows(self, wanted: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
         """Return the row of each run, in this order; those that the journal lacks are computed."""

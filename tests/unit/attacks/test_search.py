@@ -9,8 +9,9 @@ import pytest
 
 import phalanx
 from phalanx.attacks import attack as attacks
-from phalanx.attacks.attack import Options, attack
+from phalanx.attacks.attack import attack
 from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.attacks.search import Options
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.studies.store import StudyError
