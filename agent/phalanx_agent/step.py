@@ -29,7 +29,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watch import Watch
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
+from phalanx.theory.expressions.user_methods import error_line
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
@@ -172,9 +172,6 @@ class ControlStep:
         sample = accepted.sample
         try:
             return self._answer(accepted)
-        except MistakenMethodError as error:
-            words = error.during_run(f"agent {error.agent or self.name} at sample {sample.k}")
-            raise StepFailedError(words, sample) from error
         except Exception as error:
             raise StepFailedError(self._why_failed(accepted, error), sample) from error
 
@@ -182,9 +179,7 @@ class ControlStep:
         """Name the expression that has no value at a sample, if one has none; else the error."""
         sample = accepted.sample
         if isinstance(error, ArithmeticError | ValueError):
-            mistake = mistake_at(self._rows, self.i, accepted.x, sample.seen)
-            if mistake is not None:
-                return mistake.during_run(f"agent {self.name} at sample {sample.k}")
+            error = mistake_at(self._rows, self.i, accepted.x, sample.seen) or error
         reason = error if isinstance(error, RuleError) else error_line(error)
         return f"agent {self.name} failed at sample {sample.k}: {reason}"
 

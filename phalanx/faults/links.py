@@ -15,7 +15,7 @@ from phalanx.faults.fault import (
     TimedFault,
     require_names,
 )
-from phalanx.network.rule import DELIVER, Cut, Message, Treatment, UsersRule, delay
+from phalanx.network.rule import DELIVER, Cut, Message, Treatment, delay
 from phalanx.network.table import LinkOverride, SomeLinks
 from phalanx.schema.fields import Name, field_error
 from phalanx.seeded.draws import Draws
@@ -110,10 +110,7 @@ class LinkFault(_FaultOfSomeLinks, LinkOverride):
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Build the table's rules for each link: a user's rules may have a state."""
         return lambda link: (
-            [
-                self.during(rule, field if isinstance(rule, UsersRule) else "")
-                for field, rule in self.fields()
-            ]
+            [self.during(rule, field if "." in field else "") for field, rule in self.fields()]
             if self.concerns(*link)
             else ()
         )

@@ -83,9 +83,7 @@ def verify(
         try:
             decided = _decided_again(recorded)
         except MistakenMethodError as error:
-            raise EngineError(
-                f"decided again: {error.during_run(f'agent {error.agent}')}"
-            ) from error
+            raise EngineError(f"decided again: {error}") from error
         difference = first_difference(recorded, decided)
         return Verification(difference, len(recorded.shown), 0)
     scenario = _until_its_end(recorded).model_copy(update={} if seed is None else {"seed": seed})

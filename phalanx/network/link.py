@@ -18,7 +18,7 @@ from phalanx.network.rule import (
     asks_distance,
 )
 from phalanx.seeded.draws import Draws, Seeds, Tables
-from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx.theory.expressions.user_methods import error_line
 
 LOSS, DELAY = "loss", "delay"
 Kind = Literal["broadcast", "sample", "actuation"]
@@ -184,10 +184,9 @@ class Link:
                         own.left = t + new.after
                         copies += (Copy(after, copy.corrupt or new.corrupt),)
             except Exception as error:  # a user's rule may raise anything
-                problem = f"{type(error).__name__}: {error}"
-                if isinstance(error, MistakenMethodError):
-                    problem = error.during_run("the link from {} to {}".format(*self._ends))
-                raise RuleError(f"rule {stage.field} failed at message {k}: {problem}") from error
+                which = "{} from {} to {}".format(k, *self._ends)
+                problem = f"rule {stage.field} failed at message {which}: {error_line(error)}"
+                raise RuleError(problem) from error
         return Delivery(copies, faults)
 
     def _draws_of(self, field: str) -> DrawsByPurpose:

@@ -20,7 +20,11 @@ import msgspec
 
 from phalanx.seeded.draws import Draws
 from phalanx.theory.arrays import Array, Mask
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.expressions.user_methods import (
+    MistakenMethodError,
+    check_of,
+    is_built_in,
+)
 
 
 class Copy(msgspec.Struct, frozen=True):
@@ -119,8 +123,11 @@ class Rule(Protocol):
 
 
 def asks_distance(rule: Rule) -> bool:
-    """Return a rule's attribute asks_distance: True if it needs Message.distance."""
-    return bool(getattr(rule, "asks_distance", False))
+    """Return a rule's attribute asks_distance: True if it needs Message.distance.
+
+    A user's rule needs it unless it says otherwise.
+    """
+    return bool(getattr(rule, "asks_distance", not is_built_in(rule)))
 
 
 @dataclass(frozen=True)
@@ -151,30 +158,12 @@ class Cut:
         return DROP
 
 
-_EXPECTED = "DELIVER, DROP, or a tuple of copies that arrive after sending"
-
-
-class UsersRule:
-    """A user's rule with its results checked."""
-
-    def __init__(self, rule: Rule) -> None:
-        self._rule = rule
-        self.asks_distance = bool(getattr(rule, "asks_distance", True))
-        """A user's rule needs distances unless it says otherwise."""
-
-    def __str__(self) -> str:
-        return str(self._rule)
-
-    def treat(self, message: Message) -> Treatment:
-        """Return the rule's treatment.
-
-        Raises:
-            MistakenMethodError: it returned something else, raised, or does not return.
-        """
-        found = call_user(self._rule, "treat", _EXPECTED, message)
-        if isinstance(found, tuple | list) and all(_arrives(copy, message) for copy in found):
-            return tuple(found)
-        raise MistakenMethodError(self._rule, "treat", _EXPECTED, repr(found))
+@check_of(Rule, "treat")
+def _treatment(rule: Rule, found: Any, message: Message) -> Treatment:
+    if isinstance(found, tuple | list) and all(_arrives(copy, message) for copy in found):
+        return tuple(found)
+    expected = "DELIVER, DROP, or a tuple of copies that arrive after sending"
+    raise MistakenMethodError(rule, "treat", expected, repr(found))
 
 
 def _arrives(copy: Any, message: Message) -> bool:

@@ -25,7 +25,7 @@ from phalanx.network.loss import (
     bursts,
 )
 from phalanx.network.presets import PRESETS, Preset
-from phalanx.network.rule import Rule, UsersRule
+from phalanx.network.rule import Rule
 from phalanx.schema.fields import (
     BOUNDS,
     BURST,
@@ -182,7 +182,7 @@ class LinkTable(Strict):
         if self.slot:
             yield "slot", Slot(self.slot)
         for place, table in enumerate(self.rules):
-            yield f"rules.{place}", UsersRule(built(f"rules.{place}", Rule, table))
+            yield f"rules.{place}", built(f"rules.{place}", Rule, table)
 
 
 def _chance(chance: float | Chance) -> Chance:

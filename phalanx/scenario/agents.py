@@ -22,7 +22,7 @@ from phalanx.schema.fields import (
 from phalanx.schema.registry import is_users
 from phalanx.schema.user_code import names_user_code
 from phalanx.theory.expressions.kept import kept, kept_for
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Controller, Law
 from phalanx.theory.models.dynamics import Dynamics, require_sound
@@ -206,12 +206,13 @@ class AgentGroup(Strict):
     def fresh_law(self) -> Law:
         """Build the law that the table describes, and prepare it for new dynamics."""
         law: Law = built("law", Law, self.law)
+        dynamics = built("dynamics", Dynamics, self.dynamics)
         try:
-            call_user(law, "prepare", "no error", built("dynamics", Dynamics, self.dynamics))
+            law.prepare(dynamics)
         except MistakenMethodError as error:
-            if isinstance(error.__cause__, ValueError):  # it does not fit the dynamics
-                raise field_error(("law",), str(error.__cause__), self.law) from error
             raise field_error(("law",), error.expected, Unquoted(error.got)) from error
+        except ValueError as error:  # it does not fit the dynamics
+            raise field_error(("law",), str(error), self.law) from error
         return law
 
     def fresh_controller(self) -> Controller | None:

@@ -12,8 +12,9 @@ from phalanx.faults.links import AnyLinkFault, LinkFault
 from phalanx.faults.onboard import AnyOnboardFault
 from phalanx.faults.process import ProcessFault
 from phalanx.network.link import Kind, Link, LinkModel, Stage
-from phalanx.network.rule import During, Rule, UsersRule
+from phalanx.network.rule import During, Rule
 from phalanx.network.table import LinkTable, Network
+from phalanx.theory.expressions.user_methods import is_built_in
 
 AnyFault = Annotated[
     AnyLinkFault | LieFault | ProcessFault | AnyOnboardFault,
@@ -99,7 +100,7 @@ class Links:
             if receiver == "*":
                 receiver = last if of == "broadcast" else sender
             for stage in _stages(table, 0):
-                if isinstance(stage.rule, UsersRule):
+                if not is_built_in(stage.rule):
                     model = LinkModel((stage,))
                     yield sender, receiver, Link(self._run.seeds, sender, receiver, model, of)
 

@@ -19,10 +19,10 @@ from phalanx.schema.fields import (
     number_or_table,
 )
 from phalanx.schema.registry import is_users, lookup
-from phalanx.theory.expressions.user_methods import located_method
-from phalanx.theory.margins.margin import Margin, MarginConstants, UsersMargin
+from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx.theory.margins.margin import Margin, MarginConstants
 from phalanx.theory.rows.information import Information, Together
-from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
+from phalanx.theory.safety.class_k import ClassK, Linear, require_class_k
 from phalanx.theory.safety.function import HeadingAware, SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
@@ -172,7 +172,7 @@ class Safety(Strict):
         """The margin of a pair's row that the field describes."""
         table = {"type": self.margin} if isinstance(self.margin, str) else self.margin
         made: Margin = built("margin", Margin, table)
-        return UsersMargin(made) if self.own_margin else made
+        return made
 
     @property
     def own_margin(self) -> bool:
@@ -222,12 +222,6 @@ def _class_k(place: int, given: float | Table) -> ClassK:
     alpha: ClassK = built("alpha", ClassK, given)
     try:
         require_class_k(alpha)
-    except NotClassKError as error:
-        got = Unquoted(f"{error.got!r}: {located_method(alpha, 'value')}")
-        raise field_error(("alpha", place), str(error), got) from error
-    except Exception as error:  # a user's expression may raise anything
-        reason = str(error).strip().splitlines()[-1]
-        message = f"expected an expression that can be checked to be class K ({reason})"
-        got = Unquoted(f"{given.get('type')!r}: {located_method(alpha, 'value', error)}")
-        raise field_error(("alpha", place), message, got) from error
+    except MistakenMethodError as error:
+        raise field_error(("alpha", place), error.expected, Unquoted(error.got)) from error
     return alpha

@@ -14,14 +14,23 @@ import pydantic
 
 from phalanx.schema.built_in import BUILT_IN, PACKAGES
 from phalanx.schema.user_code import import_named
-from phalanx.theory.expressions.user_methods import located_class
+from phalanx.theory.expressions.user_methods import call_user, checks, is_built_in, located_class
+from phalanx.theory.laws.law import Law
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.world import World
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.function import Limit, SafeSetFunction
 
 _EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}
 """Kinds whose methods return expressions, which must not depend on earlier calls."""
+
+_OPTIONAL: Mapping[type, list[str]] = {
+    Dynamics: ["travel"],
+    Law: ["join"],
+    World: ["close", "require_robots"],
+}
+"""Methods that a class of a kind may have."""
 
 
 def lookup(kind: type, name: str) -> type:
@@ -92,8 +101,9 @@ def _call(method: Any, name: str) -> str:
 def construct(kind: type, table: Mapping[str, Any]) -> Any:
     """Build an object from its scenario table {type = "name", field = value, ...}.
 
-    Objects of a user's class share no memory: results must not depend on earlier calls or on the
-    process.
+    Objects of a class that is not built in share no memory: results must not depend on earlier
+    calls or on the process. Their methods raise MistakenMethodError if they fail, do not return or
+    return what they may not.
 
     Raises as lookup; pydantic.ValidationError if a field is unknown, missing or wrong.
     """
@@ -101,13 +111,14 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
         raise ValueError(f"expected a field type, {_choices(kind)}")
     checked = _validated(lookup(kind, str(table["type"])))
     fields = {key: value for key, value in table.items() if key != "type"}
-    if not is_users(table):
+    if is_built_in(checked):
         return checked(**fields)
-    if kind in _EXPRESSIONS:
-        made = _stateless(checked, tuple(_members(kind)))(**copy.deepcopy(fields))
-        object.__setattr__(made, "_given", fields)
-        return made
-    return _separate(checked, fields)
+    guarded = _guarded(kind, checked)
+    if kind not in _EXPRESSIONS:
+        return _separate(guarded, fields)
+    made = guarded(**copy.deepcopy(fields))
+    object.__setattr__(made, "_given", fields)
+    return made
 
 
 def is_users(table: Mapping[str, Any]) -> bool:
@@ -190,22 +201,31 @@ def _separate(cls: type, fields: Mapping[str, Any]) -> Any:
 
 
 @cache
-def _stateless(cls: type, methods: tuple[str, ...]) -> type:
-    """Make a class whose objects run each call of these methods on a new object, of `_given`."""
-    calls = {name: getattr(cls, name, None) for name in methods}
-    return _subclass(
-        cls, {n: _on_new_object(cls, n, call) for n, call in calls.items() if callable(call)}
-    )
+def _guarded(kind: type, cls: type) -> type:
+    """Make a class whose objects guard each call of a method of the kind.
 
+    A call of an object with `_given` runs on a new object, made of these fields.
+    """
 
-def _on_new_object(cls: type, name: str, call: Any) -> Any:
-    @functools.wraps(call)
-    def run(self: Any, *arguments: Any) -> Any:
-        # The constructor may call the method before `_given` is set.
-        target = _separate(cls, self._given) if "_given" in vars(self) else super(type(self), self)
-        return getattr(target, name)(*arguments)
+    def guard(name: str) -> Callable[..., Any]:
+        check = checks.get((kind, name))
 
-    return run
+        @functools.wraps(getattr(cls, name))
+        def run(self: Any, *arguments: Any) -> Any:
+            def call() -> Any:
+                # The constructor may call the method before `_given` is set.
+                pure = "_given" in vars(self)
+                target = _separate(cls, self._given) if pure else super(made, self)
+                return getattr(target, name)(*arguments)
+
+            result = call_user(self, name, call)
+            return check(self, result, *arguments) if check else result
+
+        return run
+
+    names = [*_members(kind), *_OPTIONAL.get(kind, ())]
+    made = _subclass(cls, {n: guard(n) for n in names if callable(getattr(cls, n, None))})
+    return made
 
 
 def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:

@@ -63,7 +63,7 @@ def _row_by(work: Work, job: Job, identity: Identity) -> Row:
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:
-        outcome, reason = BROKEN, error.during_run("the run")
+        outcome, reason = BROKEN, str(error)
     wall = time.monotonic() - began
     return Row(
         identity=identity, overrides=job.overrides, outcome=outcome, reason=reason, wall_time=wall

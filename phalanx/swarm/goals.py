@@ -14,7 +14,7 @@ from phalanx.scenario.placement import Flow
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user, is_built_in
+from phalanx.theory.expressions.user_methods import MistakenMethodError, is_built_in
 from phalanx.theory.laws.formation import Slot
 from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay, Waypoints
 from phalanx.theory.models.dynamics import Dynamics
@@ -72,11 +72,13 @@ class AgentGoal:
         return self.reference.goal if is_built_in(self.reference) else self._users_goal
 
     def _users_goal(self, sight: Sight) -> Goal:
-        expected = f"a Goal of three numpy arrays of {self.axes} finite numbers"
-        goal = call_user(self.reference, "goal", expected, sight, agent=self.agent)
+        try:
+            goal = self.reference.goal(sight)
+        except MistakenMethodError as error:
+            error.name_agent(self.agent)
+            raise
         if not (isinstance(goal, Goal) and all(map(self._is_vector, goal))):
-            got = repr(goal)
-            raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
+            raise self._mistaken("goal", "a Goal of three numpy arrays", goal)
         return goal
 
     @property
@@ -87,11 +89,14 @@ class AgentGoal:
 
     def end(self) -> Array | None:
         """Return where the goal comes to rest [m]. Raises MistakenMethodError as a call does."""
-        expected = f"None or a numpy array of {self.axes} finite numbers"
-        end: Array | None = call_user(self.reference, "end", expected, agent=self.agent)
+        end = self.reference.end()
         if end is not None and not self._is_vector(end):
-            raise MistakenMethodError(self.reference, "end", expected, repr(end), agent=self.agent)
+            raise self._mistaken("end", "None or a numpy array", end)
         return end
+
+    def _mistaken(self, method: str, what: str, got: object) -> MistakenMethodError:
+        expected = f"{what} of {self.axes} finite numbers for agent {self.agent}"
+        return MistakenMethodError(self.reference, method, expected, repr(got))
 
     def _is_vector(self, value: object) -> bool:
         if not isinstance(value, np.ndarray) or value.shape != (self.axes,):

@@ -7,7 +7,6 @@ import numpy as np
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.user_methods import MistakenMethodError, watched_method
 from phalanx.theory.laws.law import (
     CheckedInput,
     ControlledAgent,
@@ -106,10 +105,9 @@ def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnControl
         swarm.seed,
     )
     try:
-        watched_method(controller, "prepare", "no error", swarm.names[i])(agent)
-    except (MistakenMethodError, ValueError) as error:
-        reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
+        controller.prepare(agent)
+    except ValueError as error:
         raise ScenarioError(
-            f"{swarm.scenario.name}: controller of {swarm.names[i]}: {reason}"
+            f"{swarm.scenario.name}: controller of {swarm.names[i]}: {error}"
         ) from error
     return OwnController(rows, i, controller, certified)

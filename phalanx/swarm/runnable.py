@@ -21,11 +21,10 @@ from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.kept import kept_for
-from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
+from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers, is_built_in
 from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.margin import UsersMargin
-from phalanx.theory.models.dynamics import Bounded, Dynamics, travelled
+from phalanx.theory.models.dynamics import Bounded, Dynamics
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
 from phalanx.theory.safety.composition import Pair
 
@@ -83,7 +82,7 @@ def _evaluate_start(rows: SafetyRows) -> None:
             require_dynamics(dynamics, starts, "the start ")
             if isinstance(dynamics, Bounded):
                 for start in starts:
-                    travelled(dynamics, start, _AHEAD, 0.0)
+                    dynamics.travel(start, _AHEAD, 0.0)
         require_h(swarm, x, "at the start")
         # Not all agents: in a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
@@ -278,15 +277,15 @@ def require_margin(
 
     where: the state in words, " at the start".
     """
-    swarm, kind = rows.swarm, rows.swarm.safety.margin_kind
-    if not isinstance(kind, UsersMargin):
+    swarm, margin = rows.swarm, rows.swarm.safety.margin_kind
+    if is_built_in(margin):
         return
     terms = rows.pair_terms(i)(x, seen, swarm.sharing)
     for k in np.flatnonzero(~np.isfinite(terms.margin))[:1]:
         other = terms.others[k]
         beside = "an obstacle or a limit" if other is None else swarm.names[other]
         expected = f"a finite margin of {swarm.names[i]} and {beside}{where}"
-        raise MistakenMethodError(kind.margin, "at_sample", expected, "no finite number")
+        raise MistakenMethodError(margin, "at_sample", expected, "no finite number")
 
 
 def _infinite(swarm: Swarm, pair: Pair, expected: str, got: str) -> MistakenMethodError:

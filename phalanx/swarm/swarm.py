@@ -20,7 +20,6 @@ from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.laws.goals import Stay
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
@@ -273,13 +272,9 @@ class Swarm:
         if not isinstance(law, TeamLaw):
             return law
         try:
-            joined = call_user(law, "join", "a law", i, self.members, self.scenario.obstacles)
-        except MistakenMethodError as error:
-            reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
-            raise ScenarioError(
-                f"{self.scenario.name}: law of {self.names[i]}: {reason}"
-            ) from error
-        return cast(Law, joined)
+            return law.join(i, self.members, self.scenario.obstacles)
+        except ValueError as error:
+            raise ScenarioError(f"{self.scenario.name}: law of {self.names[i]}: {error}") from error
 
     @property
     def controllers(self) -> bool:

@@ -80,8 +80,6 @@ def ended_by(error: BaseException) -> End:
     match error:
         case StoppedError() | KeyboardInterrupt():
             return End(Outcome.STOPPED, str(error) or "stopped by the user")
-        case MistakenMethodError():
-            return End(Outcome.BROKEN, error.during_run("the plant"))
     return End(Outcome.BROKEN, str(error) if isinstance(error, ENDINGS) else error_line(error))
 
 

@@ -6,7 +6,6 @@ import math
 import re
 import traceback
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from threading import get_ident
 from typing import Any
@@ -31,69 +30,69 @@ class MistakenMethodError(ValueError):
     """A user's method failed, or returned a wrong type or shape; the message says where."""
 
     def __init__(
-        self,
-        of: object,
-        method: str,
-        expected: str,
-        got: str,
-        error: BaseException | None = None,
-        agent: str = "",
+        self, of: object, method: str, expected: str, got: str, error: BaseException | None = None
     ) -> None:
-        """error: the method's exception, if it raised one. agent: name of the agent it served."""
-        self.agent = agent
-        self._method, self._expected = f"{type(of).__name__}.{method}", expected
-        self._got, self._error = got, error
-        self.expected = f"{self._method}: expected {expected}{agent and f' for agent {agent}'}"
+        """error: the method's exception, if it raised one."""
+        self.expected = f"{type(of).__name__}.{method}: expected {expected}"
         """The first half of the message: method and expected result."""
         place = _place(of, method, error)
-        self._place = f" ({place})" if place else ""
-        self.got = got + self._place
-        super().__init__(f"{self.expected}, got {self.got}")
+        self.got = f"{got} ({place})" if place else got
 
-    def during_run(self, subject: str) -> str:
-        """The message during a run; subject: the agent, message or pair that was being computed."""
-        match self._error:
-            case None:
-                did = f"returned {self._got} for {subject}: expected {self._expected}"
-            case EndlessLoopError():
-                did = f"has not returned for {subject}: {self._got}"
-            case _:
-                did = f"raised {self._got} for {subject}"
-        return f"{self._method} {did}{self._place}"
+    def __str__(self) -> str:
+        return f"{self.expected}, got {self.got}"
+
+    def name_agent(self, name: str) -> None:
+        """Add the agent that the method served."""
+        self.expected += f" for agent {name}"
 
 
-def call_user(of: object, method: str, expected: str, *arguments: Any, agent: str = "") -> Any:
-    """Call a method of a user's class, for an agent if there is one.
+Check = Callable[..., Any]
+"""(object, result of its method, arguments of the call) -> the result; MistakenMethodError."""
+
+checks: dict[tuple[type, str], Check] = {}
+"""Checks of what a user's method returns, by kind and method."""
+
+
+def check_of(kind: type, method: str) -> Callable[[Check], Check]:
+    """Declare the check of what a method returns, in the module of its protocol."""
+    return lambda check: checks.setdefault((kind, method), check)
+
+
+_REFUSING = ("prepare", "join", "require_robots")
+"""Methods that raise ValueError, by their protocol, of what does not fit."""
+
+
+def call_user(of: object, method: str, call: Callable[[], Any]) -> Any:
+    """Return the result of a call of a user's method, in which endless loops are interrupted.
 
     Raises:
         MistakenMethodError: it raised anything, or does not return.
+        ValueError: it refuses what does not fit, by its protocol.
     """
     thread = get_ident()
+    if thread in running_calls:  # of a user's method, which may expect this one's errors
+        return call()
     running_calls[thread] = object()
     try:
-        return getattr(of, method)(*arguments)
+        return call()
     except (Exception, EndlessLoopError) as error:  # it may raise anything
-        raise MistakenMethodError(of, method, expected, error_line(error), error, agent) from error
+        refuses = method in _REFUSING and isinstance(error, ValueError)
+        if refuses or isinstance(error, MistakenMethodError):
+            raise
+        raise MistakenMethodError(of, method, "no error", error_line(error), error) from error
     finally:
         running_calls.pop(thread, None)
 
 
 def is_built_in(of: object) -> bool:
-    """Return whether an object's class is one of ours."""
-    return type(of).__module__.startswith("phalanx.")
-
-
-def watched_method(of: object, method: str, expected: str, agent: str) -> Callable[..., Any]:
-    """Return a method of a class, called by call_user if the class is not one of ours."""
-    if is_built_in(of):
-        found: Callable[..., Any] = getattr(of, method)
-        return found
-    return partial(call_user, of, method, expected, agent=agent)
+    """Return whether a class, or the class of an object, is one of ours."""
+    cls = of if isinstance(of, type) else type(of)
+    return cls.__module__.startswith("phalanx.")
 
 
 def error_line(error: BaseException) -> str:
     """Type and text of an error in one line."""
-    if isinstance(error, EndlessLoopError):
+    if isinstance(error, EndlessLoopError | MistakenMethodError):
         return str(error)
     # CasADi's last line has the cause, after a place in CasADi; so have the lines before it.
     lines = str(error).strip().splitlines() or ["no reason given"]
@@ -108,9 +107,9 @@ def first_numbers(value: NDArray[Any]) -> str:
     return f"({shown}{', ...' if value.size > 6 else ''})"
 
 
-def located_method(of: object, method: str, error: Exception | None = None) -> str:
-    """Class, name, file and line of a method; the line is that of the error, if there is one."""
-    return f"{type(of).__name__}.{method} ({_place(of, method, error)})"
+def located_method(of: object, method: str) -> str:
+    """Class, name, file and line of a method."""
+    return f"{type(of).__name__}.{method} ({_place(of, method, None)})"
 
 
 def _place(of: object, method: str, error: BaseException | None) -> str:
@@ -142,30 +141,21 @@ def _shown(file: str) -> Path:
     return Path(file)
 
 
-def call_for_expression(
-    of: object, method: str, shapes: Sequence[Shape], *arguments: Any, symbols: Sequence[ca.SX]
+def require_expression(
+    of: object, method: str, shapes: Sequence[Shape], value: Any, *, symbols: Sequence[ca.SX]
 ) -> ca.SX:
-    """Call a user's method that returns a CasADi expression.
+    """Return what a method returned as a CasADi expression.
 
     Args:
         of: the object.
         method: name of its method.
         shapes: those allowed: () for a scalar, (n,) for a column, (n, m) for a matrix.
-        arguments: of the call.
+        value: the result.
         symbols: the only ones that the expression may contain.
 
-    Raises:
-        MistakenMethodError: it raised anything, or returned something else.
+    Raises MistakenMethodError if it is no such expression.
     """
-    found = call_user(of, method, _expected(shapes), *arguments)
-    return require_expression(of, method, shapes, found, symbols=symbols)
-
-
-def require_expression(
-    of: object, method: str, shapes: Sequence[Shape], value: Any, *, symbols: Sequence[ca.SX]
-) -> ca.SX:
-    """Check a value that a user's method has returned; arguments as in call_for_expression."""
-    expected = _expected(shapes)
+    expected = " or ".join(map(_described, shapes))
     try:
         found = ca.SX(value)
     except Exception as error:  # CasADi raises several types
@@ -185,6 +175,17 @@ def require_expression(
     return found
 
 
+def declare_scalar(kind: type, method: str, symbols: Callable[..., Sequence[ca.SX]]) -> None:
+    """Declare that a method returns a scalar expression.
+
+    symbols: returns those that it may contain, from the arguments of the call.
+    """
+
+    @check_of(kind, method)
+    def check(of: object, value: Any, *arguments: Any) -> ca.SX:
+        return require_expression(of, method, [()], value, symbols=symbols(*arguments))
+
+
 def _has_nan(expression: ca.SX) -> bool:
     """Return whether not a number is among the constants of an expression."""
     function = ca.Function("f", ca.symvar(expression), [expression])
@@ -192,10 +193,6 @@ def _has_nan(expression: ca.SX) -> bool:
         function.instruction_id(k) == ca.OP_CONST and math.isnan(function.instruction_constant(k))
         for k in range(function.n_instructions())
     )
-
-
-def _expected(shapes: Sequence[Shape]) -> str:
-    return " or ".join(map(_described, shapes))
 
 
 def _described(shape: Shape) -> str:

@@ -8,18 +8,14 @@ names it. The run judges its inputs like all others, from the true state and the
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import (
-    MistakenMethodError,
-    first_numbers,
-    watched_method,
-)
+from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
 from phalanx.theory.laws.goals import Goal
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
@@ -78,19 +74,21 @@ _FLOAT = np.dtype(np.float64)
 class CheckedInput:
     """The inputs of one agent's law or controller, checked, since it may be a user's own."""
 
-    def __init__(self, of: object, member: Member) -> None:
+    def __init__(self, of: "Law | Controller", member: Member) -> None:
         """Take the law or controller whose inputs these are, and the agent, a member."""
         self._of, self._agent, self._size = of, member.name, len(member.dynamics.inputs)
-        self._expected = f"a numpy array of {self._size} finite numbers"
-        self._input = watched_method(of, "input", self._expected, member.name)
 
-    def __call__(self, view: object) -> Array:
+    def __call__(self, view: Any) -> Array:
         """The input for a view, as its protocol has it, shape (m_i,).
 
         Raises:
             MistakenMethodError: a user's class returned something else, raised, or does not return.
         """
-        u = self._input(view)
+        try:
+            u: Any = self._of.input(view)
+        except MistakenMethodError as error:
+            error.name_agent(self._agent)
+            raise
         # The usual case, decided in a fraction of a microsecond.
         usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == (self._size,)
         if usual and sum(map(abs, u.tolist())) <= LARGEST:
@@ -104,7 +102,8 @@ class CheckedInput:
             got = first_numbers(u)
         else:
             return u
-        raise MistakenMethodError(self._of, "input", self._expected, got, agent=self._agent)
+        expected = f"a numpy array of {self._size} finite numbers for agent {self._agent}"
+        raise MistakenMethodError(self._of, "input", expected, got)
 
 
 MOST_NOTES, LONGEST_NAME = 32, 40

@@ -6,12 +6,12 @@ Four kinds have a name in scenarios; others are users' own.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 from annotated_types import Ge
 
-from phalanx.theory.expressions.user_methods import call_for_expression
+from phalanx.theory.expressions.user_methods import check_of, require_expression
 from phalanx.theory.margins.integrated import RowPart, integrated_margin
 from phalanx.theory.margins.local import local_margin
 from phalanx.theory.safety.chain import Chain
@@ -117,22 +117,12 @@ class IntegratedMargin:
         return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
 
 
-class UsersMargin:
-    """A user's own margin, checked to be a scalar expression of the pair."""
-
-    def __init__(self, margin: Margin) -> None:
-        self.margin = margin
-
-    def at_sample(self, row: PairRow) -> ca.SX:
-        """Return its margin, NaN where it is infinite, so that no input satisfies the row.
-
-        Raises:
-            MistakenMethodError: it returned something else, raised, or does not return.
-        """
-        known = [part for part in (row.horizon,) if isinstance(part, ca.SX)]
-        symbols = [row.chain.set.x, row.chain.set.parameters, *known]
-        found = call_for_expression(self.margin, "at_sample", [()], row, symbols=symbols)
-        return ca.if_else(ca.fabs(found) < ca.inf, found, math.nan)
+@check_of(Margin, "at_sample")
+def _expression(margin: Margin, found: Any, row: PairRow) -> ca.SX:
+    """Return a margin, NaN where it is infinite, so that no input satisfies the row."""
+    symbols = [row.chain.set.x, row.chain.set.parameters, ca.SX(row.horizon)]
+    value = require_expression(margin, "at_sample", [()], found, symbols=symbols)
+    return ca.if_else(ca.fabs(value) < ca.inf, value, math.nan)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from annotated_types import Gt
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import (
     MistakenMethodError,
-    call_for_expression,
-    call_user,
+    Shape,
+    check_of,
     require_expression,
 )
 from phalanx.theory.models.polytope import EmptyPolytopeError, constant_polytope
@@ -69,9 +69,8 @@ class Bounded(Protocol):
         """
 
 
-def travelled(dynamics: Bounded, x: Array, time: float, disturbance: float) -> float:
-    """Call `travel`. Raises MistakenMethodError if the result is no distance."""
-    found: Any = call_user(dynamics, "travel", "a distance [m]", x, time, disturbance)
+@check_of(Dynamics, "travel")
+def _distance(dynamics: Bounded, found: Any, *_: object) -> float:
     if not isinstance(found, int | float) or not found >= 0.0:
         raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(found))
     return found
@@ -144,9 +143,9 @@ def require_sound(dynamics: Dynamics) -> None:
         if found is not None and (not isinstance(found, tuple | list) or len(found) != count):
             raise MistakenMethodError(dynamics, field, f"a tuple of {count} units", repr(found))
     x = ca.SX.sym("x", n)
-    call_for_expression(dynamics, "drift", [(n,)], x, symbols=[x])
-    call_for_expression(dynamics, "actuation", [(n, m)], x, symbols=[x])
-    call_for_expression(dynamics, "position", [(2,), (3,)], x, symbols=[x])
+    allowed: list[list[Shape]] = [[(n,)], [(n, m)], [(2,), (3,)]]
+    for method, shapes in zip(("drift", "actuation", "position"), allowed, strict=True):
+        require_expression(dynamics, method, shapes, getattr(dynamics, method)(x), symbols=[x])
     _require_polytope(dynamics, x, m)
     _require_metric(dynamics, m)
 
@@ -162,7 +161,7 @@ def _count(dynamics: Dynamics, field: str) -> int:
 
 def _require_polytope(dynamics: Dynamics, x: ca.SX, m: int) -> None:
     expected = f"A(x) of shape (r, {m}) and b(x) of shape (r,)"
-    found = call_user(dynamics, "input_polytope", expected, x)
+    found: Any = dynamics.input_polytope(x)
     if not isinstance(found, tuple | list) or len(found) != 2:
         got = f"{len(found)} values" if isinstance(found, tuple | list) else type(found).__name__
         raise MistakenMethodError(dynamics, "input_polytope", expected, got)
@@ -179,7 +178,7 @@ def _require_polytope(dynamics: Dynamics, x: ca.SX, m: int) -> None:
 
 def _require_metric(dynamics: Dynamics, m: int) -> None:
     expected = f"{m} weights above 0"
-    weights = call_user(dynamics, "input_metric", expected)
+    weights = dynamics.input_metric()
     try:
         right = len(weights) == m and all(0.0 < float(w) < math.inf for w in weights)
     except (TypeError, ValueError):

@@ -10,7 +10,8 @@ from annotated_types import Ge, Gt
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.extension import continuous
-from phalanx.theory.expressions.interval import Interval
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
+from phalanx.theory.expressions.user_methods import MistakenMethodError, declare_scalar
 
 _SCALES = np.geomspace(1e-9, 1e9, 73)
 """|s| at which α is evaluated, on both sides of 0."""
@@ -26,6 +27,9 @@ class ClassK(Protocol):
 
     def value(self, s: ca.SX) -> ca.SX:
         """α(s), scalar, for any s, negative too."""
+
+
+declare_scalar(ClassK, "value", lambda s: [s])
 
 
 @dataclass(frozen=True)
@@ -54,31 +58,28 @@ class Power:
         return self.gain * ca.sign(s) * ca.fabs(s) ** self.exponent
 
 
-class NotClassKError(ValueError):
-    """A function is not class K; the message has what was expected, `got` what was found."""
-
-    def __init__(self, expected: str, got: object) -> None:
-        super().__init__(f"expected {expected}, as class K has it")
-        self.got = got
-
-
 def require_class_k(alpha: ClassK) -> None:
-    """Raise NotClassKError unless α(0) = 0, and α increases strictly and without a jump.
+    """Raise MistakenMethodError unless α(0) = 0, and α increases strictly and without a jump.
 
     α is evaluated from 1e-9 to 1e9 on both sides of 0. Intervals in which an operation can jump, by
     extension.continuous, are bisected until α proves to jump there or not.
 
     Raises:
-        NotClassKError: it is not.
-        UnboundedOperationError: an operation has no interval rule: its jumps would be missed.
+        MistakenMethodError: it is not, or an operation has no interval rule: its jumps would be
+            missed.
     """
     s, end = ca.SX.sym("s"), ca.SX.sym("end")
     value = ca.SX(alpha.value(s))
     at = _pointwise([s], value)
-    cannot_jump = _pointwise([s, end], continuous([value], [s], [Interval(s, end)]))
+    try:
+        jumps = continuous([value], [s], [Interval(s, end)])
+    except UnboundedOperationError as error:
+        expected = "an expression that can be checked to be class K"
+        raise MistakenMethodError(alpha, "value", expected, str(error)) from error
+    cannot_jump = _pointwise([s, end], jumps)
     (zero,) = at(np.zeros(1)).tolist()
     if zero != 0.0:
-        raise NotClassKError("α(0) = 0", zero)
+        raise _mistaken(alpha, "α(0) = 0", zero)
     places = np.concatenate([-_SCALES[::-1], [0.0], _SCALES])
     # Infinite values cannot be compared.
     places = places[~np.isinf(at(places))]
@@ -87,7 +88,7 @@ def require_class_k(alpha: ClassK) -> None:
     # The negation catches NaN too.
     for k in np.flatnonzero(~(rise > 0.0))[:1]:
         found = tuple(at(places[k : k + 2]).tolist())
-        raise NotClassKError(f"α({low[k]:.3g}) < α({high[k]:.3g})", found)
+        raise _mistaken(alpha, f"α({low[k]:.3g}) < α({high[k]:.3g})", found)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
@@ -100,7 +101,12 @@ def require_class_k(alpha: ClassK) -> None:
         low, high, rise = low[steepest], high[steepest], rise[steepest]
     for k in np.flatnonzero(~(np.abs(at(high) - at(low)) <= _NO_JUMP * rise))[:1]:
         found = tuple(at(np.array([low[k], high[k]])).tolist())
-        raise NotClassKError(f"α without a jump at {min(low[k], high[k], key=abs):.6g}", found)
+        place = min(low[k], high[k], key=abs)
+        raise _mistaken(alpha, f"α without a jump at {place:.6g}", found)
+
+
+def _mistaken(alpha: ClassK, expected: str, got: object) -> MistakenMethodError:
+    return MistakenMethodError(alpha, "value", f"{expected}, as class K has it", repr(got))
 
 
 def _pointwise(symbols: list[ca.SX], value: ca.SX) -> Callable[..., Array]:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.function import Body, Boundary, SafeSetFunction, Static, static_h
 
@@ -90,8 +89,8 @@ class ComposedSet:
 
     def _h(self, a: Body, b: Body | Static) -> ca.SX:
         if isinstance(b, Body):
-            return call_for_expression(self.function, "between", [()], a, b, symbols=[a.x, b.x])
-        return static_h(self.function, a, b, self.parameters)
+            return self.function.between(a, b)
+        return static_h(self.function, a, b)
 
     @cached_property
     def h_tot(self) -> ca.SX:

@@ -13,9 +13,9 @@ import numpy as np
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.rounding import WIDER
-from phalanx.theory.expressions.user_methods import call_for_expression
+from phalanx.theory.expressions.user_methods import declare_scalar
 from phalanx.theory.models.dynamics import Positive
-from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon
+from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere
 
 
 @dataclass(frozen=True)
@@ -262,17 +262,23 @@ def outlines(static: Sequence[Static]) -> list[Line]:
     return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 
-def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:
-    """h of a normal agent and something static, scalar.
-
-    parameters: symbols in place of an obstacle's numbers.
-
-    Raises:
-        MistakenMethodError: the function or the limit failed, or returned something else.
-    """
+def static_h(function: SafeSetFunction, a: Body, static: Static) -> ca.SX:
+    """h of a normal agent and something static, scalar."""
     if isinstance(static, Boundary):
-        return call_for_expression(static.limit, "alone", [()], a, symbols=[a.x])
-    return call_for_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
+        return static.limit.alone(a)
+    return function.to_obstacle(a, static)
+
+
+def _numbers(obstacle: Obstacle) -> list[ca.SX]:
+    """An obstacle's numbers, which may be symbols."""
+    if not isinstance(obstacle, Sphere):
+        return []
+    return [ca.SX(ca.vertcat(*obstacle.center, obstacle.clearance))]
+
+
+declare_scalar(SafeSetFunction, "between", lambda a, b: [a.x, b.x])
+declare_scalar(SafeSetFunction, "to_obstacle", lambda a, obstacle: [a.x, *_numbers(obstacle)])
+declare_scalar(Limit, "alone", lambda a: [a.x])
 
 
 def static_reach(function: Reaching, level: float, static: Static) -> float:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.theory.arrays import Array
-from phalanx.theory.models.dynamics import Bounded, travelled
+from phalanx.theory.models.dynamics import Bounded
 from phalanx_plant.sampling.sensing import sensing_radii
 from phalanx_plant.world.world import Piece, Segment, World
 
@@ -159,7 +159,7 @@ class Lookahead(Synchronization):
         dynamics, begun, now = self._bounded[i], self._unknown[i], self._integration
         if dynamics is None:
             return True
-        farthest = travelled(dynamics, begun.x, now.t - begun.t, self._bounds[i])
+        farthest = dynamics.travel(begun.x, now.t - begun.t, self._bounds[i])
         return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK
 
 

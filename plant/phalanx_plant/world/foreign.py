@@ -13,7 +13,7 @@ from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.schema.registry import is_users
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Index
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import World, WorldAgent, WorldError, advanced
 from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import DisturbanceKnot, History, Integration, Piece, Segment
@@ -51,7 +51,7 @@ class ForeignIntegration(Integration):
         ]
         seed = swarm.seeds.at(0.0)
         try:
-            call_user(world, "begin", "no error", self._agents, seed, self._longest)
+            world.begin(self._agents, seed, self._longest)
         except MistakenMethodError as error:
             why = error.__cause__
             if isinstance(why, ValueError | RuntimeError) and not is_users(
@@ -62,8 +62,9 @@ class ForeignIntegration(Integration):
 
     def close(self) -> None:
         """Close the world, if it can be closed."""
-        if callable(getattr(self._world, "close", None)):
-            call_user(self._world, "close", "no error")
+        close = getattr(self._world, "close", None)
+        if callable(close):
+            close()
 
     def start(self) -> History:
         """Return x(0) as a segment of no length: before any motion no disturbance is known."""
@@ -75,7 +76,7 @@ class ForeignIntegration(Integration):
         """Make agent i's actuator hold u, shape (m_i,), from now on."""
         super().hold(i, u)
         agent = self._agents[i]
-        call_user(self._world, "hold", "no error", agent.name, self.held(i), agent=agent.name)
+        self._world.hold(agent.name, self.held(i))
 
     def integrate(self, until: float) -> History:
         """Advance the world to `until` [s], with each new seed from its time on.
@@ -87,7 +88,7 @@ class ForeignIntegration(Integration):
             if at >= until:
                 break
             found += self._advance(at)
-            call_user(self._world, "reseed", "no error", seed)
+            self._world.reseed(seed)
             self._reseeded += 1
         return [*found, *self._advance(until)]
 

@@ -156,7 +156,7 @@ class Blind(Base):
         (
             "Blind",
             64,
-            "unicycles: law of 1: Blind.join: expected a law, got RuntimeError: no camera",
+            "unicycles: law of 1: Blind.join: expected no error, got RuntimeError: no camera",
         ),
     ],
 )

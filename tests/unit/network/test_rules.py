@@ -20,7 +20,6 @@ from phalanx.network.rule import (
     Cut,
     During,
     Message,
-    UsersRule,
     delay,
 )
 from phalanx.seeded.draws import Draws
@@ -258,11 +257,11 @@ class Wrong:
 @pytest.mark.parametrize("says", ["nothing", "early", "never", "a secret"])
 def test_a_rule_that_says_what_cannot_be_is_named(says):
     link = Link(0, "a", "b", model(rules=[{"type": f"{__name__}:Wrong", "says": says}]))
-    with pytest.raises(RuleError, match=r"rule rules\.0 failed at message 7: "):
+    with pytest.raises(RuleError, match=r"rule rules\.0 failed at message 7 from a to b: "):
         link.fate(7)
 
 
 def test_a_rule_of_ones_own_asks_for_distances_for_a_time_too():
-    rain = Stage("faults.0", During(0.0, 1.0, UsersRule(Rain(0.1))))
+    rain = Stage("faults.0", During(0.0, 1.0, Rain(0.1)))
     assert Link(0, "a", "b", LinkModel((rain,))).asks_distance
     assert not Link(0, "a", "b", model(loss=0.1, delay=0.1, slot=0.1)).asks_distance

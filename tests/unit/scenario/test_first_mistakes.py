@@ -132,7 +132,7 @@ MISTAKES = {
     ),
     "an if on an expression": (
         "safety.function={type='sailing:Branching'}",
-        "sea: Branching.between: expected a scalar, got RuntimeError: Cannot compute the truth "
+        "sea: Branching.between: expected no error, got RuntimeError: Cannot compute the truth "
         "value of a CasADi SXElem symbolic expression. Use casadi's if_else in place of if "
         "(sailing.py, line 54)",
     ),

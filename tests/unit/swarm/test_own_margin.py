@@ -28,17 +28,8 @@ class Reserve:
 class Pair(Reserve):
     def at_sample(self, row): return ca.vertcat(1, 2)
 
-class Worded(Reserve):
-    def at_sample(self, row): return "much"
-
-class Silent(Reserve):
-    def at_sample(self, row): row.horizon
-
 class Foreign(Reserve):
     def at_sample(self, row): return ca.SX.sym("wind")
-
-class Lost(Reserve):
-    def at_sample(self, row): return row.chian
 
 class Infinite(Reserve):
     def at_sample(self, row): return 1 / ca.sumsqr(row.chain.set.x[1])
@@ -75,10 +66,7 @@ start = [[-2.0, 0.0], [2.0, 0.0]]
 """
 MISTAKES = {
     "Pair": "own: Pair.at_sample: expected a scalar, got shape (2,) (reserves.py, line ",
-    "Worded": "own: Worded.at_sample: expected a scalar, got a str that is no expression",
-    "Silent": "own: Silent.at_sample: expected a scalar, got None (reserves.py, line ",
     "Foreign": "own: Foreign.at_sample: expected an expression of its arguments alone, got one",
-    "Lost": "own: Lost.at_sample: expected a scalar, got AttributeError: 'PairRow' object has no",
     "Infinite": "own: Infinite.at_sample: expected a finite margin of a and b at the start, got no",
     "Absent": "own.toml: safety.margin: expected a dataclass that is a Margin: Absent (res",
 }

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import casadi as ca
 import pytest
 
-from phalanx.theory.expressions.interval import UnboundedOperationError
-from phalanx.theory.safety.class_k import Linear, NotClassKError, Power, require_class_k
+from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx.theory.safety.class_k import Linear, Power, require_class_k
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ def test_a_class_k_function_may_have_kinks_and_any_steepness(alpha):
     ],
 )
 def test_another_function_is_refused_and_told_where(function, expected):
-    with pytest.raises(NotClassKError, match=expected):
+    with pytest.raises(MistakenMethodError, match=expected):
         require_class_k(Own(function))
 
 
 def test_an_operation_whose_jumps_are_not_known_is_refused_by_its_name():
-    with pytest.raises(UnboundedOperationError, match="fmod"):
+    with pytest.raises(MistakenMethodError, match="fmod"):
         require_class_k(Own(lambda s: s + ca.fmod(s, 3.0)))
