@@ -101,7 +101,28 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 }
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
-BUDGET: Mapping[str, int] = {}
+BUDGET: Mapping[str, int] = {
+    "agent": 840,
+    "attacks": 1960,
+    "cli": 1800,
+    "faults": 1020,
+    "guarantee": 2240,
+    "hosts": 340,
+    "launcher": 2320,
+    "messages": 960,
+    "network": 1460,
+    "plant": 4880,
+    "recording": 2040,
+    "report": 2260,
+    "scenario": 1520,
+    "schema": 800,
+    "seeded": 180,
+    "studies": 2700,
+    "swarm": 1400,
+    "theory": 8500,
+    "viewer": 5280,
+    "wire": 700,
+}
 EXTENSIONS = {
     "phalanx.recording.curves",
     "phalanx.report",
@@ -265,7 +286,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 0), ("phalanx.launcher.simulation", 0)]
+    ("program", "most"), [("phalanx_agent.main", 16_820), ("phalanx.launcher.simulation", 22_020)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

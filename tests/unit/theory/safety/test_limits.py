@@ -91,8 +91,11 @@ def test_no_limit_is_left_out_where_distant_pairs_are():
         ({"type": "fence", "center": [0.0, 0.0]}, "limits.0.radius: expected a value, got nothing"),
         ({"type": "fense"}, "limits.0: expected one of fence, band or package.module:Name"),
         ({"type": "band", "state": "x", "low": 2.0, "high": 1.0}, "expected more than low = 2.0"),
-        ({"type": "band", "state": "z", "low": 0.0, "high": 1.0}, "Band.alone: expected a scalar"),
-        ({"type": "fence", "center": [0.0], "radius": 1.0}, "Fence.alone: expected a scalar"),
+        (
+            {"type": "band", "state": "z", "low": 0.0, "high": 1.0},
+            "state: expected one of x, y, got z",
+        ),
+        ({"type": "fence", "center": [0.0], "radius": 1.0}, "center: expected 2 axes, got 1"),
     ],
 )
 def test_a_mistaken_limit_is_one_line(table, line):
