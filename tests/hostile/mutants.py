@@ -22,7 +22,7 @@ class Mutant(NamedTuple):
 _PLANT, _STEP = "plant/phalanx_plant", "agent/phalanx_agent/step.py"
 _ANSWERS, _SEAL = f"{_PLANT}/hub/answers.py", "phalanx/messages/seal.py"
 _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
-_TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
+_TEST_SEAL, _TEST_LINKS = "tests/unit/messages/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
 _JUDGE, _TEST_JUDGE = f"{_PLANT}/judge/judge.py", "tests/unit/plant/test_judge.py"
 _PAIRS, _TEST_PAIRS = f"{_PLANT}/world/relevant_pairs.py", "tests/unit/plant/test_relevant_pairs.py"
@@ -98,7 +98,7 @@ MUTANTS = (
            "abs(n) > message.largest", _TEST_SEAL),
     Mutant("another version", _SEAL, "message.version != VERSION", "False", _TEST_SEAL),
     Mutant("wildcards in a key", "phalanx/messages/keys.py", ' or "*" in key', "",
-           "tests/unit/wire"),
+           "tests/unit/messages"),
     Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
            "if unfit := None and",  _TEST_RECORDING),
     Mutant("frames of another size", "viewer/phalanx_viewer/feeds/live.py",

@@ -86,7 +86,7 @@ def test_an_unknown_command_is_still_refused(capsys):
 
 
 def test_what_an_extension_offers_is_found_by_its_name(install):
-    offered = "[phalanx.schema.extensions]\nanswer = answering:ANSWER\n"
+    offered = "[phalanx.extensions]\nanswer = answering:ANSWER\n"
     install("answering", "ANSWER = 42", offered)
     assert extension("answer") == 42
     with pytest.raises(MissingExtensionError, match="'question'"):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from phalanx import profile as module
+from phalanx.messages import profile as module
 from phalanx.messages.profile import Stopwatch, read_profile
 
 
