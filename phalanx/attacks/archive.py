@@ -120,13 +120,13 @@ def write_finds(
 
     Files of an earlier state of the search are removed. Raises OSError.
     """
-    own = real_folder(folder / "found")
-    for old in own.glob("*.toml"):
+    subfolder = real_folder(folder / "found")
+    for old in subfolder.glob("*.toml"):
         old.unlink()
     violated = [each for each in archived if each[1].row.outcome == Outcome.VIOLATED]
     for number, (behaviour, find) in enumerate(violated or archived[:1], 1):
         name = f"{number:02d}-{behaviour.pair.replace(' ', '-')}-{find.when:.2f}s.toml"
-        path = own / name
+        path = subfolder / name
         with whole_file(path) as part:
             part.write_text(text_of(base, behaviour, find, path), encoding="utf-8")
         yield behaviour, find, path

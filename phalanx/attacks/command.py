@@ -117,8 +117,8 @@ def _shown(options: "Options") -> "Iterator[Callable[[History], None]]":
 
         def show_search(history: "History") -> None:
             done = most * phases.index(history.optimiser) + history.begun
-            found = f"least robustness {history.best:.4g}, {len(history.violated)} violated"
-            show(history.optimiser, done, found if history.finds else "")
+            result = f"least robustness {history.best:.4g}, {len(history.violated)} violated"
+            show(history.optimiser, done, result if history.finds else "")
 
         yield show_search
 

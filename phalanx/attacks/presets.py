@@ -32,9 +32,9 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
     starts, vary = {}, dict[str, Any]()
     for i, member in enumerate(swarm.members):
         if member.adversary:
-            turns, own = heading(member.dynamics), x[parts[i]].tolist()
-            known = enumerate(zip(member.dynamics.states, own, strict=True))
-            starts[member.name] = [_interval(*state, turns=k == turns) for k, state in known]
+            turns, start = heading(member.dynamics), x[parts[i]].tolist()
+            named = enumerate(zip(member.dynamics.states, start, strict=True))
+            starts[member.name] = [_interval(*state, turns=k == turns) for k, state in named]
     declared = scenario.attack
     alone = {*starts, *declared.starts, *declared.scripts} if declared else {*starts}
     for g, group in enumerate(_separate(scenario, alone)):

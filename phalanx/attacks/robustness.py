@@ -60,7 +60,8 @@ def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> E
 
 def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -> Evaluation:
     """Do the same with rows that are built already."""
-    swarm, records, known = rows.swarm, RecordsInMemory(), scales or scales_of(rows.swarm)
+    swarm, records = rows.swarm, RecordsInMemory()
+    scales = scales or scales_of(swarm)
     simulation = Simulation(rows, records)
     summary = simulation.run()
     if summary.outcome is Outcome.STOPPED:
@@ -68,7 +69,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
     recording = records.recording(swarm.scenario)
     # Between two states an unsafe h is in the summary's violations, to the integration step.
     highest = {label: float(h.max()) for label, h in swarm.h_of_pairs(recording.x).items()}
-    left = dict(zip(highest, simulation.plant.judge.coverage.least.tolist(), strict=True))
+    remaining = dict(zip(highest, simulation.plant.judge.coverage.least.tolist(), strict=True))
     for violation in summary.violations:
         highest[violation.pair] = max(highest[violation.pair], violation.worst)
     counted = {violation.pair for violation in summary.violations}
@@ -76,7 +77,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
         if violation.pair not in counted:
             del highest[violation.pair]
     tau = max(swarm.horizon(i) for i in swarm.normal)
-    pairs = {label: robustness(h / known[label], left[label] / tau) for label, h in highest.items()}
+    pairs = {l: robustness(h / scales[l], remaining[l] / tau) for l, h in highest.items()}
     return Evaluation(swarm, summary, recording, pairs)
 
 

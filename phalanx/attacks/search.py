@@ -143,11 +143,11 @@ class Search:
     def costs(self, points: Sequence[Point]) -> list[float]:
         """Evaluate a generation, or what the budget leaves of it: the cost of each point's run."""
         history, budget = self.histories[-1], self._options.budget
-        wanted = [(self.space.overrides(point), self.seed) for point in points]
+        runs = [(self.space.overrides(point), self.seed) for point in points]
         rows: list[Row] = []
         begun: list[Row] = []
-        while more := min(budget - len(history.finds) - len(begun), len(wanted) - len(rows)):
-            rows += self._rows(wanted[len(rows) : len(rows) + more], searched=True)
+        while more := min(budget - len(history.finds) - len(begun), len(runs) - len(rows)):
+            rows += self._rows(runs[len(rows) : len(rows) + more], searched=True)
             begun = [row for row in rows if START not in robustness_of(row)]
         first = len(history.finds) + 1
         generation = [found(number, row) for number, row in enumerate(begun, first)]

@@ -37,6 +37,6 @@ def measured(
             identity=identity, overrides=job.overrides, outcome=REFUSED, reason=reason,
             robustness=json_text({START: _INADMISSIBLE + short}),
         )  # fmt: skip
-    found = evaluate_rows(rows, scales)
-    row = row_of(identity, job.overrides, found.summary, found.recording, rows.swarm)
-    return msgspec.structs.replace(row, robustness=json_text(found.pairs))
+    evaluation = evaluate_rows(rows, scales)
+    row = row_of(identity, job.overrides, evaluation.summary, evaluation.recording, rows.swarm)
+    return msgspec.structs.replace(row, robustness=json_text(evaluation.pairs))

@@ -116,10 +116,10 @@ def status(arguments: list[str]) -> int:
                 package = PACKAGES[arguments[0]]
                 raise MissingExtensionError(f"needs {package}: pip install ./packages/{package}")
         with extras_named():
-            found = int(app(with_factor(arguments), standalone_mode=False) or 0)
-        if found == STOPPED:
+            code = int(app(with_factor(arguments), standalone_mode=False) or 0)
+        if code == STOPPED:
             interrupt.raise_pending()  # typer turned the KeyboardInterrupt into a status
-        return found
+        return code
     except (KeyboardInterrupt, typer.Abort):  # an Abort is a RuntimeError
         echo_error("stopped")
         return STOPPED

@@ -45,14 +45,14 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
         path = np.array([scenario.formation.center(t).position for t in times])
         points += [path - reach, path + reach]
     everywhere = np.concatenate(points)
-    known = {name: (-math.pi, math.pi) for m in swarm.members for name in angles(m.dynamics)}
+    ranges = {name: (-math.pi, math.pi) for m in swarm.members for name in angles(m.dynamics)}
     for axis, low, high in zip("xyz", everywhere.min(0), everywhere.max(0), strict=False):
-        known[axis] = low - _AROUND, high + _AROUND
-    known |= given
+        ranges[axis] = low - _AROUND, high + _AROUND
+    ranges |= given
     states = [state for member in swarm.members for state in member.dynamics.states]
-    if missing := {state for state in states if state not in known}:
+    if missing := {state for state in states if state not in ranges}:
         return sorted(missing)
-    bounds = np.array([known[state] for state in states])
+    bounds = np.array([ranges[state] for state in states])
     return bounds[:, 0], bounds[:, 1]
 
 

@@ -182,8 +182,8 @@ def test_each_agent_is_a_service_of_its_name_with_its_own_key_alone() -> None:
         assert agent["command"] == ["agent", name]
         assert agent["volumes"] == [f"{service}-keys:/keys:ro"]
         assert f"{service}-keys:/keys/{name}" in services["keys"]["volumes"], "where it is made"
-        alike = {k: v for k, v in agent.items() if k not in ("command", "volumes")}
-        assert alike.items() <= agents[AGENTS[0]].items(), "and else as the first"
+        rest = {k: v for k, v in agent.items() if k not in ("command", "volumes")}
+        assert rest.items() <= agents[AGENTS[0]].items(), "and else as the first"
 
 
 def test_no_container_but_the_plants_shares_a_network_with_the_viewer() -> None:
