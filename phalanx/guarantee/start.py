@@ -175,9 +175,9 @@ def promised(swarm: Swarm) -> Promise:
         return Promise(unknown, "")
     for _ in range(_HALVINGS):
         middle = 0.5 * (safe + unknown)
-        found = unproven(middle)
-        if len(found):
-            first, unknown = found, middle
+        pairs = unproven(middle)
+        if len(pairs):
+            first, unknown = pairs, middle
         else:
             safe = middle
     return Promise(safe, swarm.safe_set.label(swarm.safe_set.pairs[int(first[0])]))
@@ -194,13 +194,14 @@ def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
         # Of any time: an expression is built once, and evaluated for each.
         within = highest_within(alone, certificates.bounds(alone), time)
         highest = MappedFunction([alone.x, alone.parameters, time], [within])
-        places = spread(swarm.pairs.begin, ends[which], alone.sizes)
-        bounds.append((which, highest, np.insert(places, places.shape[1], len(numbers), axis=1)))
+        indices = spread(swarm.pairs.begin, ends[which], alone.sizes)
+        with_time = np.insert(indices, indices.shape[1], len(numbers), axis=1)
+        bounds.append((which, highest, with_time))
 
     def unproven(until: float) -> Index:
         given, found = np.append(numbers, until), [np.empty(0, dtype=np.intp)]
-        for which, highest, places in bounds:
-            found.append(which[~(highest(given, places)[:, 0] <= 0.0)])
+        for which, highest, indices in bounds:
+            found.append(which[~(highest(given, indices)[:, 0] <= 0.0)])
         return np.sort(np.concatenate(found))
 
     return unproven

@@ -48,9 +48,9 @@ def find_live(folder: Path) -> Membership | None:
     if file.exists() and not file.is_file():
         raise EngineError(f"{file}: expected a regular file: remove it, a run did not make it")
     with contextlib.suppress(OSError, msgspec.DecodeError), file.open("rb") as opened:
-        found = msgspec.json.decode(opened.read(), type=Membership)
+        membership = msgspec.json.decode(opened.read(), type=Membership)
         try:
             fcntl.flock(opened, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:  # its launcher holds the lock, or the file system has none
-            return found
+            return membership
     return None

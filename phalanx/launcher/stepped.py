@@ -110,8 +110,8 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     @property
     def h(self) -> dict[str, float]:
         """Every pair's h, as "<agent>-<agent>"; safe is h <= 0."""
-        found = self._swarm.h_of_pairs(self._simulation.clock.world.x[None])
-        return {label: float(h[0]) for label, h in found.items()}
+        h_of_pairs = self._swarm.h_of_pairs(self._simulation.clock.world.x[None])
+        return {label: float(h[0]) for label, h in h_of_pairs.items()}
 
     @property
     def commands(self) -> tuple[Command, ...]:

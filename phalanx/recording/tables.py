@@ -31,10 +31,8 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """Make a row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
-    found = swarm.h_of_pairs(recording.x)
-    table = pl.DataFrame(
-        {"t": recording.times} | found, schema=dict.fromkeys(("t", *found), pl.Float64)
-    )
+    h = swarm.h_of_pairs(recording.x)
+    table = pl.DataFrame({"t": recording.times} | h, schema=dict.fromkeys(("t", *h), pl.Float64))
     return of_run(recording, table)
 
 

@@ -154,8 +154,8 @@ class Safety(Strict):
         proven = {"control": "distributed", "composition": "pairs", "margin": "integrated"}
         if self._named.reads_roles:
             proven["information"] = "split"
-        found = [f"{k} = '{v}'" for k, v in proven.items() if getattr(self, k) != v]
-        return found + ([] if self.computes_margin else ["eta = 0"])
+        fields = [f"{k} = '{v}'" for k, v in proven.items() if getattr(self, k) != v]
+        return fields + ([] if self.computes_margin else ["eta = 0"])
 
     def eta_at(self, gap: float, disturbances: float) -> float:
         """η, given or from constants; arguments as MarginConstants.eta has them."""

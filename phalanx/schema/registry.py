@@ -116,9 +116,9 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     guarded = _guarded(kind, checked)
     if kind not in _EXPRESSIONS:
         return _separate(guarded, fields)
-    made = guarded(**copy.deepcopy(fields))
-    object.__setattr__(made, "_given", fields)
-    return made
+    instance = guarded(**copy.deepcopy(fields))
+    object.__setattr__(instance, "_given", fields)
+    return instance
 
 
 def is_users(table: Mapping[str, Any]) -> bool:

@@ -217,8 +217,8 @@ class RecordedHistory(History):
         blocks = np.array_split(np.arange(len(self.times)), count)
         worst = [block[int(np.argmax(self.h[block]))] for block in blocks]
         # One state at a time: for several at once it takes half as much memory again.
-        each = zip(self.x[worst], self.times[worst].tolist(), strict=True)
-        h = np.array([self.values.every_h(x, self._turned_by(t)) for x, t in each])
+        states = zip(self.x[worst], self.times[worst].tolist(), strict=True)
+        h = np.array([self.values.every_h(x, self._turned_by(t)) for x, t in states])
         return PairSeries(self.times[worst], h)
 
     @property
