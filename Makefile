@@ -29,8 +29,8 @@ test: $(READY)
 	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers packages tests/unit
 
 nightly: $(READY)
-	@echo "Testing what \`make test\` leaves out: about 11 minutes on two cores."
-	$(PYTEST) -n 6 -m nightly tests packages
+	@echo "Testing what \`make test\` leaves out: about 11 minutes on two cores, a share of I/N less."
+	$(PYTEST) -n 6 -m nightly $(SHARE:%=--share %) tests packages
 
 check: $(READY)
 	$(VENV)/bin/ruff check .

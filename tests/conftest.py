@@ -43,6 +43,20 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--share", metavar="I/N", help="run each Nth of the tests, from the Ith on")
+
+
+@pytest.hookimpl(trylast=True)  # after -m has left out what is not meant
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is not of this share. Neighbours, which cost much the same, are shared out."""
+    if share := config.option.share:
+        first, number = map(int, share.split("/"))
+        others = [item for i, item in enumerate(items) if i % number != first]
+        config.hook.pytest_deselected(items=others)
+        items[:] = items[first::number]
+
+
 class _FromBothEnds(LoadScopeScheduling):
     """A scheduler that assigns modules in their order, to the first two workers from the end.
 

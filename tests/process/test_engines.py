@@ -183,7 +183,7 @@ HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"
 @pytest.mark.parametrize("name", layered(HERE_ALONE, ("faults/robot",)))
 def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
     # A second of Crazyflies takes twenty: their integration steps are of 0.3 ms.
-    lasts = 0.3 if name == "worlds/crazyflies" else DURATION
+    lasts = 0.1 if name == "worlds/crazyflies" else DURATION
     shipped = phalanx.load(name, seed=1)
     one_trajectory(phalanx.load(name, {"duration": min(lasts, shipped.duration)}, seed=1))
 
