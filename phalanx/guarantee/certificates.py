@@ -22,7 +22,6 @@ from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.kinds import PairKind
 from phalanx.theory.safety.pairs import spread
 
 QUIET = 2.0
@@ -129,7 +128,7 @@ class SwarmCertificates:
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
         alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
-        text = PairKind(alone, self.pairs.degree).text
+        text = self.pairs.kind_of(a, b).text
         key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
         bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
 
