@@ -48,7 +48,7 @@ class Stack:
         """Identifiers of one service's containers."""
         return self("ps", "-q", service).split()
 
-    def said(self, what: str) -> list[str]:
+    def lines_with(self, what: str) -> list[str]:
         """The lines of the agents' and the plant's logs that have this text."""
         logs = self("logs", "--no-color", *AGENTS, "plant")
         return [line for line in logs.splitlines() if what in line]
@@ -123,8 +123,8 @@ def image(compose: list[str]) -> str:
     """An image of this source."""
     if subprocess.run(["docker", "info"], capture_output=True).returncode != 0:
         pytest.skip("needs a running container engine (docker info fails)")
-    if given := os.environ.get("PHALANX_IMAGE"):
-        return given
+    if image := os.environ.get("PHALANX_IMAGE"):
+        return image
     base = os.environ.get("PHALANX_BASE")
     chosen = ["--build-arg", f"BASE={base}"] if base else []
     command = ["docker", "build", "--network", "host", *chosen, "-t", "phalanx:test", str(ROOT)]
@@ -200,8 +200,8 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
 ) -> None:
     stack = start()
     wait_for_page("http://127.0.0.1:8080", 60.0)
-    wait_for(lambda: len(stack.said("joined run")) == 5)
-    named = sorted(line[: len("agent-1")] for line in stack.said("joined run"))
+    wait_for(lambda: len(stack.lines_with("joined run")) == 5)
+    named = sorted(line[: len("agent-1")] for line in stack.lines_with("joined run"))
     assert named == AGENTS, "by the names of their services"
     assert set(stack("ps", "--services").split()) >= {*AGENTS, "plant", "viewer"}
     (plant,) = stack.containers("plant")
@@ -216,7 +216,7 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
 
 def test_the_verdict_names_an_agent_whose_container_was_killed(start: Callable[..., Stack]) -> None:
     stack = start(*AGENTS)
-    wait_for(lambda: len(stack.said("joined run")) == 5)
+    wait_for(lambda: len(stack.lines_with("joined run")) == 5)
     docker("kill", *stack.containers("agent-3"))
     summary = stack.verdict()
     assert summary["outcome"] == "broken"
@@ -228,7 +228,7 @@ def test_the_container_of_an_agent_that_dies_by_the_scenario_comes_again(
 ) -> None:
     stack = start(*AGENTS[:4], PHALANX_SCENARIO="faults/restart")
     contained, local = stack.verdict(), alone("faults/restart", tmp_path)
-    joined = [line for line in stack.said("joined run") if line.startswith("agent-1")]
+    joined = [line for line in stack.lines_with("joined run") if line.startswith("agent-1")]
     assert len(joined) == 2
     assert contained["trajectory"] == local.trajectory
     assert contained["outcome"] == local.outcome
@@ -238,8 +238,8 @@ def test_an_agent_whose_container_is_started_again_comes_back_in_real_time(
     start: Callable[..., Stack],
 ) -> None:
     stack = start(*AGENTS, PHALANX_REAL_TIME="1")
-    wait_for(lambda: len(stack.said("joined run")) == 5)
+    wait_for(lambda: len(stack.lines_with("joined run")) == 5)
     docker("kill", *stack.containers("agent-3"))
     docker("start", *stack.containers("agent-3"))
-    wait_for(lambda: len(stack.said("joined run")) == 6)
+    wait_for(lambda: len(stack.lines_with("joined run")) == 6)
     assert stack.verdict()["outcome"] != "broken"

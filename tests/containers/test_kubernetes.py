@@ -59,20 +59,20 @@ def test_the_pod_of_an_index_is_shown_the_key_of_its_agent_alone() -> None:
     (mount,) = (m for m in agent["volumeMounts"] if m["name"] == "keys")
     assert mount["subPathExpr"] == "$(JOB_COMPLETION_INDEX)"
     (keys,) = (volume["projected"] for volume in pod["volumes"] if volume["name"] == "keys")
-    shown = {
+    projected = {
         source["secret"]["name"]: [item["path"] for item in source["secret"]["items"]]
         for source in keys["sources"]
     }
     files = ("ca.crt", "tls.crt", "tls.key")
-    assert shown == {f"phalanx-{n + 1}": [f"{n}/{file}" for file in files] for n in range(5)}
+    assert projected == {f"phalanx-{n + 1}": [f"{n}/{file}" for file in files] for n in range(5)}
 
 
 def test_plant_and_viewer_are_given_one_secret_of_those_that_are_made() -> None:
-    given = {
+    secrets = {
         name: [v["secret"]["secretName"] for v in pod["volumes"] if "secret" in v]
         for name, pod in PODS.items()
     }
-    assert given == {
+    assert secrets == {
         "plant": ["phalanx-plant"],
         "agents": [],
         "viewer": ["phalanx-viewer"],

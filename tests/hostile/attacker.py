@@ -165,20 +165,20 @@ def deletes_everything(by: Attacker) -> Iterator[None]:
 def opens_sessions(by: Attacker) -> Iterator[None]:
     with by.open():
         yield
-    kept = []
+    sessions = []
     while True:
         with suppress(zenoh.ZError):
-            kept.append(by.open())
-        if len(kept) % 50 == 0:
+            sessions.append(by.open())
+        if len(sessions) % 50 == 0:
             yield
 
 
 def holds_connections_half_open(by: Attacker) -> Iterator[None]:
     """And opens each again that the hub closes."""
-    kept: deque[socket.socket] = deque(maxlen=200)
+    connections: deque[socket.socket] = deque(maxlen=200)
     for n in count():
         with suppress(OSError):
-            kept.append(by.connect())
+            connections.append(by.connect())
         if n >= 200:
             yield
 
@@ -186,7 +186,7 @@ def holds_connections_half_open(by: Attacker) -> Iterator[None]:
 def never_reads(by: Attacker) -> Iterator[None]:
     session = by.open(tcp={"so_rcvbuf": 4096})
     # Nothing is read from the channel, so Zenoh's own thread blocks in it.
-    _kept = session.declare_subscriber(by.keys.everything, zenoh.handlers.FifoChannel(1))
+    _subscriber = session.declare_subscriber(by.keys.everything, zenoh.handlers.FifoChannel(1))
     yield
     while True:
         yield
@@ -239,8 +239,8 @@ def answers_for_another(by: Attacker) -> Iterator[None]:
             for k, t in enumerate(by.sampling_instants(60)):
                 by.forge(session, key, Actuation(k=k, t_apply=t, u=u))
                 by.forge(session, heard, Broadcast(k=k, t_apply=t, u=u))
-                made = StepReport(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0)
-                by.forge(session, report, Telemetry(k=k, report=made, ages=()))
+                report_of_step = StepReport(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0)
+                by.forge(session, report, Telemetry(k=k, report=report_of_step, ages=()))
             yield
 
 
@@ -298,11 +298,11 @@ def reports_enormous_numbers(by: Attacker) -> Iterator[None]:
     with by.open() as session:
         while True:
             for k in range(60):
-                made = StepReport(
+                report_of_step = StepReport(
                     origin=Origin.QP, residual=0.0, u_nom=(most, -most), solve_time=most,
                     margin=most,
                 )  # fmt: skip
-                by.forge(session, key, Telemetry(k=k, report=made, ages=((0, most),)))
+                by.forge(session, key, Telemetry(k=k, report=report_of_step, ages=((0, most),)))
             yield
 
 

@@ -154,7 +154,7 @@ def _agent() -> list[Receiver]:
     answering = SampleAnswering(step, SEALER, sent.append, lambda: None)
 
     def take(on_payload: Callable[[str, bytes], None]) -> Callable[[str, bytes], bool]:
-        def taken(key: str, payload: bytes) -> bool:
+        def receive(key: str, payload: bytes) -> bool:
             before = step.rejected
             on_payload(key, payload)
             sent.clear()
@@ -163,7 +163,7 @@ def _agent() -> list[Receiver]:
                 raise error
             return step.rejected == before
 
-        return taken
+        return receive
 
     def on_sample(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):

@@ -22,10 +22,10 @@ def of_tree(tree: Any, draw: random.Random, changes: int = 1) -> Any:
     """A copy of lists, tables and values that differs in a few places."""
     spoilt = copy.deepcopy(tree)
     for _ in range(changes):
-        places = list(_places(spoilt))
-        if not places:
+        positions = list(_positions(spoilt))
+        if not positions:
             return _hostile(draw)
-        _spoil(*draw.choice(places), draw)
+        _spoil(*draw.choice(positions), draw)
     return spoilt
 
 
@@ -33,7 +33,7 @@ def of_numbers(tree: Any, draw: random.Random, changes: int = 1) -> Any:
     """A copy of lists, tables and values in which a few numbers are much smaller or larger."""
     spoilt = copy.deepcopy(tree)
     for _ in range(changes):
-        numbers = [(c, key) for c, key in _places(spoilt) if type(c[key]) in (int, float)]
+        numbers = [(c, key) for c, key in _positions(spoilt) if type(c[key]) in (int, float)]
         container, key = draw.choice(numbers)
         size = 10.0 ** draw.choice((draw.uniform(-4.0, 4.0), draw.uniform(-323.0, 308.0)))
         number = int(size) if draw.random() < 0.2 else size
@@ -59,12 +59,12 @@ def of_bytes(whole: bytes, draw: random.Random) -> bytes:
     return bytes(spoilt)
 
 
-def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
+def _positions(tree: Any) -> Iterator[tuple[Any, Any]]:
     """Every container in a tree with each of its keys or indices."""
     keys = tree.keys() if isinstance(tree, dict) else range(len(tree)) if _is_list(tree) else ()
     for key in list(keys):
         yield tree, key
-        yield from _places(tree[key])
+        yield from _positions(tree[key])
 
 
 def _hostile(draw: random.Random) -> Any:

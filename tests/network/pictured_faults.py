@@ -65,7 +65,7 @@ def _of_agent(kind: str, span: float | None = 0.5, **fields: Any) -> Overrides:
 ATTACK = _timed(0.3, None, "turn", agents=[AGENT])
 
 
-def _told(**fields: Any) -> Overrides:
+def _lie(**fields: Any) -> Overrides:
     """A lie from the start on of an agent that attacks as well."""
     lie = {"kind": "lie", "agent": AGENT, "for": 2.0 * DURATION, **fields}
     return {"faults": [*ATTACK["faults"], lie]}
@@ -114,12 +114,12 @@ ROBOT: Mapping[str, Overrides] = {
     "actuation.delay = 0.01": {"network.actuation.delay": 0.01},
 }
 LIES: Mapping[str, Overrides] = {
-    'says = "opposite"': _told(says="opposite"),
-    'says = "zero"': _told(says="zero"),
-    "equivocate = true": _told(equivocate=True),
-    "replay = 20": _told(replay=20),
-    "apply_time = 0.005": _told(apply_time=0.005),
-    "silent = true": _told(silent=True),
+    'says = "opposite"': _lie(says="opposite"),
+    'says = "zero"': _lie(says="zero"),
+    "equivocate = true": _lie(equivocate=True),
+    "replay = 20": _lie(replay=20),
+    "apply_time = 0.005": _lie(apply_time=0.005),
+    "silent = true": _lie(silent=True),
 }
 AGENTS: Mapping[str, Overrides] = {
     "kill": _of_agent("kill", None),

@@ -68,22 +68,22 @@ class Testbed:
         self._forwarding = threading.Thread(target=self._forward, daemon=True)
         self._forwarding.start()
 
-    def _end(self, undo: contextlib.ExitStack, place: str, address: str) -> int:
-        _ip("netns", "add", place)
-        undo.callback(_ip, "netns", "del", place)
+    def _end(self, undo: contextlib.ExitStack, namespace: str, address: str) -> int:
+        _ip("netns", "add", namespace)
+        undo.callback(_ip, "netns", "del", namespace)
         tun = os.open("/dev/net/tun", os.O_RDWR)
         undo.callback(os.close, tun)
-        fcntl.ioctl(tun, _TUNSETIFF, struct.pack("16sH", place.encode(), _IFF_TUN | _IFF_NO_PI))
-        _ip("link", "set", place, "netns", place)
-        _ip("-n", place, "addr", "add", f"{address}/24", "dev", place)
-        _ip("-n", place, "link", "set", place, "up")
-        _ip("-n", place, "link", "set", "lo", "up")
+        fcntl.ioctl(tun, _TUNSETIFF, struct.pack("16sH", namespace.encode(), _IFF_TUN | _IFF_NO_PI))
+        _ip("link", "set", namespace, "netns", namespace)
+        _ip("-n", namespace, "addr", "add", f"{address}/24", "dev", namespace)
+        _ip("-n", namespace, "link", "set", namespace, "up")
+        _ip("-n", namespace, "link", "set", "lo", "up")
         return tun
 
-    def start(self, place: str, *command: str) -> subprocess.Popen[str]:
+    def start(self, namespace: str, *command: str) -> subprocess.Popen[str]:
         """Start a command in one of the namespaces."""
         return subprocess.Popen(
-            ["ip", "netns", "exec", place, *command],
+            ["ip", "netns", "exec", namespace, *command],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             env={**os.environ, "PHALANX_SECRET": "s"},
         )  # fmt: skip
@@ -167,7 +167,7 @@ def over_the_wire(
                 time.sleep(0.05)
 
         course(until)
-        said, _ = plant.communicate(timeout=duration + 120.0)
+        output, _ = plant.communicate(timeout=duration + 120.0)
     finally:
         for program in programs:
             program.kill()
@@ -175,7 +175,7 @@ def over_the_wire(
     try:
         return read(out)
     except UnreadableRecordingError as error:
-        raise RuntimeError(f"the run over {protocol} did not begin: {said}") from error
+        raise RuntimeError(f"the run over {protocol} did not begin: {output}") from error
 
 
 def _reached(out: Path) -> float:

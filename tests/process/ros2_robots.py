@@ -21,13 +21,13 @@ def robots(
     scenario: phalanx.Scenario,
     router: str,
     options: Mapping[str, Sequence[str]],
-    found: dict[str, dict[str, float]],
+    last_lines: dict[str, dict[str, float]],
 ) -> Iterator[None]:
-    """Run a robot for each agent; at the end `found` has the last line of each."""
+    """Run a robot for each agent; at the end last_lines has the last line of each."""
     running: dict[str, subprocess.Popen[str]] = {}
     with contextlib.ExitStack() as stack:
-        for name, group, place in scenario.roster():
-            pose = map(str, group.start[place])
+        for name, group, index in scenario.roster():
+            pose = map(str, group.start[index])
             command = [
                 sys.executable,
                 str(ROBOT),
@@ -45,8 +45,8 @@ def robots(
             assert robot.stdout.readline() == "ready\n"
         yield
         for name, robot in running.items():
-            said, _ = robot.communicate(timeout=30)
-            found[name] = json.loads(said.splitlines()[-1])
+            output, _ = robot.communicate(timeout=30)
+            last_lines[name] = json.loads(output.splitlines()[-1])
 
 
 def run_with_robots(
@@ -57,12 +57,12 @@ def run_with_robots(
     overrides: Sequence[str] = (),
 ) -> tuple[phalanx.Run, dict[str, dict[str, float]]]:
     """Run the robots to a verdict; cut: when agent CUT is paused for 2 s [s]."""
-    found: dict[str, dict[str, float]] = {}
+    last_lines: dict[str, dict[str, float]] = {}
     with reserved_endpoint() as router, open_hub(router):
         fault = f'faults=[{{ kind = "pause", agents = ["{CUT}"], at = {cut}, for = 2.0 }}]'
         settings = [f"duration={seconds}", f'world.router="{router}"', *overrides]
         settings += [fault] if cut < seconds else []
         scenario = phalanx.load("worlds/ros2-robots", settings)
-        with robots(scenario, router, options, found):
+        with robots(scenario, router, options, last_lines):
             finished = phalanx.run(scenario, out=out, real_time=1.0)
-    return finished, found
+    return finished, last_lines

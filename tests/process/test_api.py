@@ -228,6 +228,6 @@ def test_a_stepped_run_that_its_program_leaves_is_on_record(tmp_path: Path) -> N
         [sys.executable, "-c", LEAVES, str(tmp_path)], check=False, capture_output=True, text=True
     )
     assert done.stderr == "in the middle\n"
-    found = phalanx.open(tmp_path / "unicycles-1")
-    assert found.verdict is phalanx.Outcome.STOPPED
-    assert found.states["t"].max() > 0.09
+    run = phalanx.open(tmp_path / "unicycles-1")
+    assert run.verdict is phalanx.Outcome.STOPPED
+    assert run.states["t"].max() > 0.09

@@ -27,10 +27,10 @@ def test_an_attack_that_states_something_else_is_found_out(tmp_path: Path) -> No
     text = CORPUS[0].read_text(encoding="utf-8")
     other = tmp_path / "other.toml"
     other.write_text(text.replace("duration = 3.0", "duration = 0.5"), encoding="utf-8")
-    found = differences(other, ["in-process"])
-    assert len(found) == 2
-    assert "expected the verdict violated, got" in found[0]
-    assert f"expected the trajectory {stated(CORPUS[0]).trajectory}, got" in found[1]
+    complaints = differences(other, ["in-process"])
+    assert len(complaints) == 2
+    assert "expected the verdict violated, got" in complaints[0]
+    assert f"expected the trajectory {stated(CORPUS[0]).trajectory}, got" in complaints[1]
 
 
 def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
@@ -45,11 +45,11 @@ def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
 @pytest.mark.nightly
 def test_an_attack_that_ships_shrinks_no_further() -> None:
     file = next(file for file in CORPUS if file.stem == "turned-away")
-    found = smallest(read_table(file), read_table("guaranteed"))
+    minimum = smallest(read_table(file), read_table("guaranteed"))
     shipped = read_table(file)
     assert shipped.pop("description").startswith("An attack on guaranteed: normal agent 2 and ")
-    assert found.table == shipped
-    assert found.evaluation.summary.trajectory == stated(file).trajectory
+    assert minimum.table == shipped
+    assert minimum.evaluation.summary.trajectory == stated(file).trajectory
 
 
 def test_what_is_not_violated_is_not_shrunk() -> None:

@@ -94,8 +94,8 @@ def test_processes_that_load_machine_code_have_the_same_trajectory(
     assert compiled.summary is not None
     assert compiled.summary.trajectory == interpreted.summary.trajectory
     # Damaged libraries show that these are the ones that the programs load.
-    for each in tmp_path.glob("*/*.so"):
-        each.write_bytes(b"")
+    for library in tmp_path.glob("*/*.so"):
+        library.write_bytes(b"")
     damaged = phalanx.run(scenario)
     assert "the interpreter runs" in (damaged.folder / "logs" / "plant.log").read_text()
 

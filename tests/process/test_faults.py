@@ -42,7 +42,7 @@ def run(overrides: dict, folder) -> phalanx.Run:
     return phalanx.run(scenario, engine="in-process", out=folder)
 
 
-def seen(run: phalanx.Run) -> tuple:
+def effects(run: phalanx.Run) -> tuple:
     """Return what faults of links change: fates, sampling instants, times of inputs."""
     inputs = run.inputs.select("agent", "k", "t", "t_apply")
     return run.links.drop("run", "faults").rows(), inputs.rows(), run.summary.rejected
@@ -50,7 +50,7 @@ def seen(run: phalanx.Run) -> tuple:
 
 @pytest.fixture(scope="module")
 def calm(tmp_path_factory) -> tuple:
-    return seen(run({}, tmp_path_factory.mktemp("calm")))
+    return effects(run({}, tmp_path_factory.mktemp("calm")))
 
 
 SHIPPED = ("loss", "bursts", "delay", "corrupt", "reorder", "rate", "slot", "partition", "link")
@@ -60,15 +60,15 @@ SHIPPED = ("loss", "bursts", "delay", "corrupt", "reorder", "rate", "slot", "par
 # A duplicate comes when the original is there, and counts once: it is reported, without effect.
 @pytest.mark.parametrize("name", layered(FAULTS, FAULTS.keys() - set(SHIPPED)))
 def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
-    found = run(FAULTS[name], tmp_path)
-    assert found.summary.faults
-    assert all(fault.count for fault in found.summary.faults)
-    assert found.summary.notes == []
-    named = found.links["faults"].explode().drop_nulls().to_list()
-    for fault in found.summary.faults:
+    faulty = run(FAULTS[name], tmp_path)
+    assert faulty.summary.faults
+    assert all(fault.count for fault in faulty.summary.faults)
+    assert faulty.summary.notes == []
+    named = faulty.links["faults"].explode().drop_nulls().to_list()
+    for fault in faulty.summary.faults:
         of_broadcasts = not fault.name.startswith(("network.sample", "network.actuation"))
         assert named.count(fault.name) == fault.count * of_broadcasts
-    assert (seen(found) == calm) == (name == "duplicate")
+    assert (effects(faulty) == calm) == (name == "duplicate")
 
 
 @pytest.mark.parametrize(
@@ -82,15 +82,15 @@ def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     ],
 )
 def test_a_fault_without_effect_changes_nothing_and_is_named(overrides, calm, tmp_path):
-    found = run(overrides, tmp_path)
-    assert seen(found) == calm
-    (fault,) = found.summary.faults
-    assert found.summary.notes == [f"{fault.name} never had an effect"]
+    ineffective = run(overrides, tmp_path)
+    assert effects(ineffective) == calm
+    (fault,) = ineffective.summary.faults
+    assert ineffective.summary.notes == [f"{fault.name} never had an effect"]
 
 
 def test_corrupt_broadcasts_are_counted_as_refused(tmp_path):
-    found = run(FAULTS["corrupt"], tmp_path).summary
-    assert sum(found.rejected.values()) == found.faults[0].count > 0
+    summary = run(FAULTS["corrupt"], tmp_path).summary
+    assert sum(summary.rejected.values()) == summary.faults[0].count > 0
 
 
 def test_a_step_whose_input_is_lost_reports_what_it_heard(tmp_path):
@@ -106,12 +106,12 @@ def test_a_step_whose_input_is_lost_reports_what_it_heard(tmp_path):
 
 def test_lost_and_late_inputs_are_counted_in_the_verdict(tmp_path):
     for name in ("lost inputs", "late inputs"):
-        found = run(FAULTS[name], tmp_path / name).summary
-        (prompt,) = (a for a in found.assumptions if a.name == "inputs in time")
+        summary = run(FAULTS[name], tmp_path / name).summary
+        (prompt,) = (a for a in summary.assumptions if a.name == "inputs in time")
         on_their_way = len(phalanx.load("unicycles").programs())
-        assert 0 <= found.faults[0].count - prompt.failed <= on_their_way
+        assert 0 <= summary.faults[0].count - prompt.failed <= on_their_way
         assert prompt.failed > 0
-        assert found.outcome == phalanx.Outcome.SAFE
+        assert summary.outcome == phalanx.Outcome.SAFE
     gap = run(FAULTS["lost samples"], tmp_path / "gap").summary
     (sampling,) = (a for a in gap.assumptions if a.name == "sampling gap")
     assert sampling.failed > 0

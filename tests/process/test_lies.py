@@ -43,17 +43,17 @@ def test_without_a_lie_every_broadcast_is_true(honest):
 def test_a_lie_has_its_effect_is_counted_and_named_on_every_broadcast_that_it_made(
     name, honest, tmp_path
 ):
-    found = run(name, tmp_path)
-    assert found.summary.trajectory != honest.summary.trajectory
-    (fault,) = found.summary.faults
-    hit = found.links.filter(found.links["faults"].list.len() > 0)
+    lied = run(name, tmp_path)
+    assert lied.summary.trajectory != honest.summary.trajectory
+    (fault,) = lied.summary.faults
+    hit = lied.links.filter(lied.links["faults"].list.len() > 0)
     assert hit["faults"].explode().unique().to_list() == [fault.name]
     assert len(hit) == fault.count > 0
     assert hit["sender"].unique().to_list() == [LIAR]
     assert BEGIN <= hit["t"].min() <= hit["t"].max() < END + 0.02
-    false = found.links.filter(found.links["lied"])
+    false = lied.links.filter(lied.links["lied"])
     assert false.equals(hit) == (name in FALSE)
-    assert truthful(found).failed == len(false) == fault.count * (name in FALSE)
+    assert truthful(lied).failed == len(false) == fault.count * (name in FALSE)
 
 
 @pytest.mark.parametrize("name", layered(LIES, ("input",)))

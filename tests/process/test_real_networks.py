@@ -32,10 +32,10 @@ def over(protocol: str, loss: float, out: Path) -> Statistics:
 
 
 def test_what_tcp_loses_comes_later(tmp_path: Path) -> None:
-    found = over("tcp", 0.05, tmp_path)
-    assert found.sent > 100
-    assert found.loss == 0.0
-    median, slow = found.delay
+    link = over("tcp", 0.05, tmp_path)
+    assert link.sent > 100
+    assert link.loss == 0.0
+    median, slow = link.delay
     assert median > DELAY - JITTER
     assert slow > 4.0 * DELAY, "a packet sent again takes its time, and all behind it wait"
 

@@ -62,7 +62,7 @@ def test_a_run_with_a_restart_by_hand_is_verified() -> None:
 
 
 def test_a_paused_agents_process_is_stopped_and_goes_on() -> None:
-    seen: set[str] = set()
+    stopped: set[str] = set()
 
     def still() -> set[str]:
         processes = psutil.Process().children(recursive=True)
@@ -70,10 +70,10 @@ def test_a_paused_agents_process_is_stopped_and_goes_on() -> None:
 
     def look(status: phalanx.Status) -> None:
         if status.stopped:  # no process goes on before this has returned
-            seen.update(wait_for(still, 1.5))
+            stopped.update(wait_for(still, 1.5))
 
     pause = {"kind": "pause", "at": KILLED, "for": RESTARTED - KILLED, "agents": ["2"]}
     scenario = phalanx.load("unicycles", {"duration": DURATION, "faults": [pause]})
     run = phalanx.run(scenario, progress=look)
-    assert seen == {"phx-agent-2"}
+    assert stopped == {"phx-agent-2"}
     assert run.summary.trajectory == phalanx.run(scenario, engine="in-process").summary.trajectory

@@ -53,15 +53,15 @@ def started() -> Iterator[Callable[..., BaseProcess]]:
 def test_tokens_and_queryables_behind_a_killed_router_are_withdrawn_at_the_other(started) -> None:
     near, far = free_endpoint(), free_endpoint()
     with open_hub(near), open_client(near, PATIENCE) as watcher:
-        seen: list[tuple[str, bool]] = []
-        liveliness.watch(watcher, BEHIND, lambda key, alive: seen.append((key, alive)))
+        changes: list[tuple[str, bool]] = []
+        liveliness.watch(watcher, BEHIND, lambda key, alive: changes.append((key, alive)))
         router = started(far_router, far, near)
         started(member, far)
-        wait_for(lambda: seen == [(BEHIND, True)], PATIENCE)
+        wait_for(lambda: changes == [(BEHIND, True)], PATIENCE)
         wait_for(lambda: [*watcher.get(ASKED, timeout=1.0)] != [], PATIENCE)
         assert router.pid is not None
         os.kill(router.pid, signal.SIGKILL)
-        wait_for(lambda: seen == [(BEHIND, True), (BEHIND, False)], PATIENCE)
+        wait_for(lambda: changes == [(BEHIND, True), (BEHIND, False)], PATIENCE)
         assert not liveliness.is_announced(watcher, BEHIND, 1.0)
         # A queryable that was not withdrawn would keep this waiting.
         assert [*watcher.get(ASKED, timeout=PATIENCE)] == []

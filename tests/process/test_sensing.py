@@ -35,11 +35,11 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
     for key, fields in messages:
         _, _, kind, *who = key.split("/")
         if kind == "sample":
-            _, k, t, seen, x, *_ = fields
+            _, k, t, visible, x, *_ = fields
             near = within(truth[t], names, who[0])
-            assert [names[l] for l in seen] == near
-            held = states.unpack(x, tuple(seen)).reshape(5, 3)
-            assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in seen)
+            assert [names[l] for l in visible] == near
+            held = states.unpack(x, tuple(visible)).reshape(5, 3)
+            assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in visible)
             sampled[who[0], k] = t
             samples += 1
             left_out += len(names) - len(near)
@@ -75,17 +75,17 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
             "agents.1.start": [[-500.0, 9.0 * n, 0.0] for n in range(far_away)],
         },
     )
-    found = {}
+    messages = {}
     with live_run(scenario, folder, PACED) as run:
         for key, fields in tapped(Membership(folder.name, run.endpoint, SECRET)):
             _, _, kind, *who = key.split("/")
             if kind == "sample" and who[0] in FORMATION:
-                _, k, t, seen, x, *rest = fields
-                found[kind, *who, k] = [t, seen, len(x), *rest]
+                _, k, t, visible, x, *rest = fields
+                messages[kind, *who, k] = [t, visible, len(x), *rest]
             elif kind == "broadcast" and who[1] in FORMATION:
                 _, k, t_apply, u = fields
-                found[kind, *who, k] = [t_apply, len(u)]
-    return found
+                messages[kind, *who, k] = [t_apply, len(u)]
+    return messages
 
 
 def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:

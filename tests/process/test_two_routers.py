@@ -43,11 +43,11 @@ class Hosts:
         self.started: list[subprocess.Popen[str]] = []
 
     def start(self, host: str, program: str, *arguments: str) -> subprocess.Popen[str]:
-        own = self.keys / (arguments[0] if program == "agent" else program)
-        common = ("--scenario", SCENARIO, "--set", DURATION, "--run", "r", "--keys", str(own))
-        place = self.bed.here if host == NORTH else self.bed.there
+        folder = self.keys / (arguments[0] if program == "agent" else program)
+        common = ("--scenario", SCENARIO, "--set", DURATION, "--run", "r", "--keys", str(folder))
+        namespace = self.bed.here if host == NORTH else self.bed.there
         command = (sys.executable, "-m", "phalanx", program, *common, *arguments)
-        self.started.append(self.bed.start(place, *command))
+        self.started.append(self.bed.start(namespace, *command))
         return self.started[-1]
 
     def start_routers(self) -> None:
@@ -88,8 +88,8 @@ def test_a_run_over_two_routers_is_the_run_on_one_host(
         with pytest.raises(subprocess.TimeoutExpired):
             plant.communicate(timeout=2.0)
         hosts.bed.wire = Wire()
-    said = [program.communicate(timeout=120)[0] for program in (plant, *agents)]
-    assert [program.returncode for program in (plant, *agents)] == [0] * 6, said
+    outputs = [program.communicate(timeout=120)[0] for program in (plant, *agents)]
+    assert [program.returncode for program in (plant, *agents)] == [0] * 6, outputs
     summary = msgspec.json.decode((hosts.out / "summary.json").read_bytes(), type=Summary)
     (folder := tmp_path / "alone").mkdir()
     alone = execute(load(SCENARIO, [DURATION]), folder, RunOptions("in-process"))

@@ -65,13 +65,13 @@ def test_no_honest_agent_is_convicted_in_a_window_of_a_few_float64(name):
 @pytest.mark.parametrize("network", layered(("no losses", "losses and delays"), ("no losses",)))
 def test_a_liar_is_convicted_by_all_that_hear_it(name, network):
     lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **LIES[name]}
-    found = trust("unicycles", faults=[lie], **HONEST.get(network, {}))
-    assert {each.of for each in found.convictions} == {"2"}
-    assert {each.by for each in found.convictions} == {"1", "3"}
-    assert found.false == 0
-    assert 0.5 <= found.betrayals["2"] < 0.52
-    for each in found.convictions:
-        assert each.after == each.t - found.betrayals["2"] > 0.0
+    record = trust("unicycles", faults=[lie], **HONEST.get(network, {}))
+    assert {conviction.of for conviction in record.convictions} == {"2"}
+    assert {conviction.by for conviction in record.convictions} == {"1", "3"}
+    assert record.false == 0
+    assert 0.5 <= record.betrayals["2"] < 0.52
+    for conviction in record.convictions:
+        assert conviction.after == conviction.t - record.betrayals["2"] > 0.0
 
 
 def test_a_hijack_is_an_event_of_both_that_see_it_and_of_one_trajectory():
@@ -97,8 +97,8 @@ ACTUATORS = {
 @pytest.mark.parametrize("name", ACTUATORS)
 def test_who_holds_another_input_than_it_announced_is_not_convicted_falsely(name):
     """It did not mean to: its actuator is stuck, or late."""
-    found = trust("unicycles", duration=0.3, **ACTUATORS[name])
-    assert {"2"} <= {each.of for each in found.convictions} <= set(found.betrayals)
-    assert found.false == 0
-    count = len({each.by for each in found.convictions})
-    assert dict(found.rows)["convictions"] == f"{len(found.convictions)} by {count} agents"
+    record = trust("unicycles", duration=0.3, **ACTUATORS[name])
+    assert {"2"} <= {each.of for each in record.convictions} <= set(record.betrayals)
+    assert record.false == 0
+    count = len({each.by for each in record.convictions})
+    assert dict(record.rows)["convictions"] == f"{len(record.convictions)} by {count} agents"

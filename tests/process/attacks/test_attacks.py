@@ -26,11 +26,11 @@ def command(folder: Path, workers: int) -> list[str]:
 
 def finds(folder: Path) -> list[tuple[str, str]]:
     """Return the name of each find, and the hash in its comment."""
-    found = []
+    finds = []
     for path in sorted((folder / "found").glob("*.toml")):
         hashed = re.search(r"^# Trajectory: (\w+)$", path.read_text(), re.MULTILINE)
-        found.append((path.name, hashed[1]))
-    return found
+        finds.append((path.name, hashed[1]))
+    return finds
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +70,8 @@ def test_a_killed_search_goes_on_where_it_was(whole, number, rows):
     assert program.wait() == (-number if number is signal.SIGKILL else 130)
     wait_for(lambda: not any(worker.is_running() for worker in workers))
     if number is not signal.SIGKILL:
-        said, *progress, stopped = filter(None, program.stderr.read().splitlines())
-        assert said.startswith("at most 12 runs by cma-es and 12 runs by random")
+        announced, *progress, stopped = filter(None, program.stderr.read().splitlines())
+        assert announced.startswith("at most 12 runs by cma-es and 12 runs by random")
         assert re.fullmatch(r"cma-es .* 0/24 .*", progress[0])
         assert all("/24 " in line for line in progress)
         assert "the same command goes on" in stopped

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[3]
 
 
 class AttackUnderWay:
-    """An attacker, and what it has said so far."""
+    """An attacker, and what it has printed so far."""
 
     def __init__(self, attack: str, endpoint: str, run: str) -> None:
         command = [sys.executable, "-m", "tests.hostile.attacker", attack, endpoint, run]
@@ -28,19 +28,19 @@ class AttackUnderWay:
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, text=True, cwd=ROOT, bufsize=1
         )
-        self.said: list[str] = []
+        self.lines: list[str] = []
         self._listening = threading.Thread(target=self._listen)
         self._listening.start()
 
     def _listen(self) -> None:
         assert self.process.stdout
         for line in self.process.stdout:
-            self.said.append(line.strip())
+            self.lines.append(line.strip())
 
     @property
     def let_in(self) -> bool | None:
         """Return whether the hub opened a session for it; None before that is known."""
-        return None if len(self.said) < 2 else self.said[1] == UNDER_WAY
+        return None if len(self.lines) < 2 else self.lines[1] == UNDER_WAY
 
     def end(self) -> None:
         """Kill it."""
@@ -61,10 +61,12 @@ def assailed(
     try:
         for attack in attacks:
             attackers[attack] = AttackUnderWay(attack, endpoint, folder.name)
-        wait_for(lambda: all(each.said for each in attackers.values()))
+        wait_for(lambda: all(attacker.lines for attacker in attackers.values()))
         with live_run(SCENARIO, folder, policy, endpoint) as run:
             if policy is HELD:
-                wait_for(lambda: all(each.let_in is not None for each in attackers.values()))
+                wait_for(
+                    lambda: all(attacker.let_in is not None for attacker in attackers.values())
+                )
                 run.set_speed(0.2)
             return run.summary(), attackers
     finally:

@@ -54,13 +54,13 @@ class Programs:
         self.keys, self.out = keys, out
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
         self.running = [self.start("plant", "--listen", self.endpoint, "--folder", str(out))]
-        self.said = ""
+        self.output = ""
         """All that they printed, once they have ended."""
 
     def start(self, program: str, *arguments: str) -> subprocess.Popen[str]:
-        own = self.keys / (arguments[0] if program == "agent" else program)
+        folder = self.keys / (arguments[0] if program == "agent" else program)
         command = [sys.executable, "-m", "phalanx", program, *arguments]
-        command += [*SCENARIO, "--keys", str(own)]
+        command += [*SCENARIO, "--keys", str(folder)]
         return subprocess.Popen(
             command,
             stdout=subprocess.PIPE,
@@ -81,7 +81,7 @@ class Programs:
         """Return the run's summary when all programs have ended."""
         ended = [program.communicate(timeout=90) for program in self.running]
         assert [p.returncode for p in self.running] == [0] * len(self.running), ended
-        self.said = "".join(out + err for out, err in ended)
+        self.output = "".join(out + err for out, err in ended)
         return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)
 
 
@@ -131,7 +131,7 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
     private = {
         name: (programs.keys / name / PRIVATE_KEY).read_bytes().split(b"\n")[1] for name in NAMES
     }
-    left_behind = {**files_of(programs.out), "said": programs.said.encode()}
+    left_behind = {**files_of(programs.out), "output": programs.output.encode()}
     assert leaks({**private, "command secret": COMMAND_SECRET}, left_behind) == []
 
 
@@ -178,11 +178,11 @@ def test_only_the_operators_certificate_can_command(programs: Programs, identity
 
 
 @contextlib.contextmanager
-def pretended_hub(shown: Path) -> Iterator[tuple[str, SimpleQueue[bool]]]:
+def pretended_hub(certificate: Path) -> Iterator[tuple[str, SimpleQueue[bool]]]:
     """The endpoint of who plays the hub with the certificate shown, and who has believed it."""
     context, believed = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), SimpleQueue[bool]()
-    context.load_cert_chain(shown / "tls.crt", shown / "tls.key")
-    context.load_verify_locations(shown / "ca.crt")
+    context.load_cert_chain(certificate / "tls.crt", certificate / "tls.key")
+    context.load_verify_locations(certificate / "ca.crt")
     context.verify_mode = ssl.CERT_REQUIRED
 
     def play() -> None:

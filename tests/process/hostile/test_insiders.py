@@ -37,15 +37,15 @@ def test_insiders_change_nothing(
 ) -> None:
     """All of a group at once: the hub keeps each from speaking for others."""
     summary, attackers = assailed(attacks, tmp_path / "assailed", policy)
-    found, expected = (summary.trajectory, summary.outcome), (calm.trajectory, calm.outcome)
-    assert found == expected, summary.reason
+    actual, expected = (summary.trajectory, summary.outcome), (calm.trajectory, calm.outcome)
+    assert actual == expected, summary.reason
     assert [name for name, each in attackers.items() if not each.let_in] == []
 
 
 def test_one_who_withholds_a_broadcast_is_named_with_who_waits_for_it(tmp_path) -> None:
     scenario = load(NAME, ["duration=0.5", "time.timeout=5.0", WITHHOLDING])
     summary = execute(scenario, tmp_path, RunOptions())
-    said = "agent 1 waits at sample 11 for what others put: broadcast 10 of agent 3 did not come"
+    reason = "agent 1 waits at sample 11 for what others put: broadcast 10 of agent 3 did not come"
     assert summary.outcome is Outcome.BROKEN
-    assert said in summary.reason
-    assert said in (tmp_path / "logs" / "1.log").read_text()
+    assert reason in summary.reason
+    assert reason in (tmp_path / "logs" / "1.log").read_text()

@@ -50,11 +50,11 @@ class Cluster:
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
     """Yield a cluster whose two workers are there."""
     (tmp_path / "cluster").mkdir()
-    made = Cluster(tmp_path / "cluster")
-    with connected(made.address) as (executor, _):
+    local_cluster = Cluster(tmp_path / "cluster")
+    with connected(local_cluster.address) as (executor, _):
         wait_for(lambda: len(executor._client.nthreads()) == 2)
-    yield made
-    made.close()
+    yield local_cluster
+    local_cluster.close()
     shutil.rmtree(tmp_path / "cluster", ignore_errors=True)
 
 
@@ -107,10 +107,10 @@ def test_a_users_law_travels_to_the_workers(cluster, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     overrides = {"duration": 0.2, "agents.1.law": {"type": "still_law:Still"}}
     with connected(cluster.address) as (executor, most):
-        found = phalanx.study(
+        study = phalanx.study(
             "unicycles", overrides=overrides, executor=executor, in_flight=most, confirm=0
         )
-    assert found.outcomes == {"guaranteed": 1}
+    assert study.outcomes == {"guaranteed": 1}
 
 
 SBATCH = """#!/bin/sh

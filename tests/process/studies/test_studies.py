@@ -105,10 +105,10 @@ def test_a_row_has_the_bits_of_its_run(pool):
 def test_progress_is_shown_as_a_bar(capsys, monkeypatch, pool):
     monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
     phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, progress=True, executor=pool)
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert "unicycles" in shown.err
-    assert "2/2" in shown.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "unicycles" in printed.err
+    assert "2/2" in printed.err
 
 
 def test_any_number_of_workers_gives_the_same_rows(pool):
@@ -244,8 +244,8 @@ def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number, pool):
     program.send_signal(number)
     assert program.wait() != 0
     wait_for(lambda: not any(worker.is_running() for worker in workers))
-    kept = phalanx.open_study(tmp_path)
-    there = len(kept.frame)
+    reopened = phalanx.open_study(tmp_path)
+    there = len(reopened.frame)
     assert there >= 5
     computed = []
     study = phalanx.study(

@@ -51,26 +51,26 @@ class Run:
 
     def programs(self) -> dict[str, psutil.Process]:
         """The plant and the agents that run now, by the name that ps shows."""
-        found = {}
+        programs = {}
         for process in self.descendants():
             try:
                 if process.name().startswith("phx-"):
-                    found[process.name()] = process
+                    programs[process.name()] = process
             except psutil.NoSuchProcess:
                 continue
-        return found
+        return programs
 
     def descendants(self) -> list[psutil.Process]:
         """Every living process that this command started, however far removed."""
-        found = []
+        processes = []
         for process in psutil.process_iter():
             try:
                 alive = process.status() != psutil.STATUS_ZOMBIE
                 if alive and process.environ().get(MARK) == self.mark:
-                    found.append(process)
+                    processes.append(process)
             except (psutil.NoSuchProcess, psutil.AccessDenied):
                 continue
-        return found
+        return processes
 
     def wait_until_running(self, agents: int = 5, bytes_recorded: int = 100_000) -> None:
         """Return in the middle of the run: all programs there, and something recorded."""

@@ -161,9 +161,9 @@ def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_pa
     status, output = first.finish(timeout=PATIENCE)
     assert status == 3
     assert "Traceback" not in output
-    (said,) = (line for line in output.splitlines() if "waits at sample" in line)
-    assert "broadcast 10 of agent 3 did not come. Its sender withholds it" in said
-    assert "see the sender's log" in said
+    (reason,) = (line for line in output.splitlines() if "waits at sample" in line)
+    assert "broadcast 10 of agent 3 did not come. Its sender withholds it" in reason
+    assert "see the sender's log" in reason
 
 
 def test_a_killed_launcher_leaves_no_orphan(phalanx):
@@ -306,11 +306,11 @@ def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, mon
     status, output = run.finish()
     run.wait_until_gone()
     assert status == 3
-    said = " ".join(output.split())
+    text = " ".join(output.split())
     assert re.search(
-        r"Faulty.input: expected no error for agent \w+, got RuntimeError: no such", said
+        r"Faulty.input: expected no error for agent \w+, got RuntimeError: no such", text
     )
-    assert f"{module}, line 12" in said
+    assert f"{module}, line 12" in text
 
 
 def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_path, monkeypatch):
@@ -322,8 +322,8 @@ def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_
     status, output = run.finish()
     run.wait_until_gone()
     assert status == 3
-    said = " ".join(output.split())
-    assert re.search(r"Faulty.input: expected no error for agent [45], got RuntimeError: no", said)
+    text = " ".join(output.split())
+    assert re.search(r"Faulty.input: expected no error for agent [45], got RuntimeError: no", text)
     assert "phx-agent-1 died" not in output
     assert any(line.text.startswith("agent 1 killed") for line in read(run.folder, trust=True).log)
 
@@ -406,7 +406,7 @@ class TrackVelocity(Base):
 
 
 @pytest.mark.parametrize(
-    ("failure", "said"),
+    ("failure", "message"),
     [
         ('raise RuntimeError("no camera")', "no camera"),
         ("os.kill(os.getpid(), 9)", "killed by SIGKILL"),
@@ -414,7 +414,7 @@ class TrackVelocity(Base):
     ids=["error", "kill"],
 )
 def test_an_agent_that_ends_before_it_joins_ends_the_run_at_once_and_is_named(
-    phalanx, tmp_path, monkeypatch, failure, said
+    phalanx, tmp_path, monkeypatch, failure, message
 ):
     (tmp_path / "failing_user.py").write_text(FAILING.replace("FAILURE", failure))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -424,7 +424,7 @@ def test_an_agent_that_ends_before_it_joins_ends_the_run_at_once_and_is_named(
     run.wait_until_gone()
     assert status == 3
     assert "broken: an agent failed [phx-agent-2 died (" in output
-    assert said in output
+    assert message in output
 
 
 CLOSED = {
@@ -451,9 +451,9 @@ def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, 
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     ended = subprocess.run(["bash", "-c", shell], env=environment, capture_output=True)
     assert ended.returncode == 0, ended.stderr
-    found = read(tmp_path / "one-on-one-1")
-    assert found.damage is None
-    assert found.summary.outcome is Outcome.GUARANTEED
+    recording = read(tmp_path / "one-on-one-1")
+    assert recording.damage is None
+    assert recording.summary.outcome is Outcome.GUARANTEED
 
 
 @pytest.mark.nightly

@@ -150,7 +150,7 @@ class Blind(Base):
 
 
 @pytest.mark.parametrize(
-    ("law", "status", "said"),
+    ("law", "status", "message"),
     [
         ("Short", 64, "expected a numpy array of 2 finite numbers for agent 1, got shape (1,)"),
         (
@@ -161,7 +161,7 @@ class Blind(Base):
     ],
 )
 def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
-    phalanx, tmp_path, monkeypatch, law, status, said
+    phalanx, tmp_path, monkeypatch, law, status, message
 ):
     (tmp_path / "unfit.py").write_text(UNFIT)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -170,7 +170,7 @@ def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
     )
     ended, output = run.finish()
     assert ended == status, output
-    assert said in output
+    assert message in output
     assert output.count("unicycles") == 1
     assert len(output.splitlines()) == 1
     assert not run.parent.exists()

@@ -69,14 +69,14 @@ def test_a_last_digit_of_what_was_shown_makes_another_decision(
     recorded: Recording, what: str
 ) -> None:
     forged = replace(recorded, shown=copy.deepcopy(recorded.shown))
-    shown = next(s for s in forged.shown if s.agent == "1" and s.received and s.t > 1.0)
+    sample = next(s for s in forged.shown if s.agent == "1" and s.received and s.t > 1.0)
     if what == "x":
-        shown.x = [math.nextafter(value, math.inf) for value in shown.x]
+        sample.x = [math.nextafter(value, math.inf) for value in sample.x]
     else:
-        shown.received = [(l, math.nextafter(since, 0.0), u) for l, since, u in shown.received]
+        sample.received = [(l, math.nextafter(since, 0.0), u) for l, since, u in sample.received]
     difference = verify(forged).difference
     assert difference is not None
-    assert f"agent 1, k = {shown.k}," in difference
+    assert f"agent 1, k = {sample.k}," in difference
 
 
 def test_it_cannot_be_run_again_with_another_seed(recorded: Recording) -> None:

@@ -62,7 +62,7 @@ def test_only_the_plant_may_hand_out_samples(started, identity: str, heard: bool
     programs = started(0, "unicycles")
     agent = Membership("r", programs.endpoint, b"s", "1")
     key, came = agent.keys.sample("1"), []
-    own = agent.keys.broadcast("2", "1")
+    own_key = agent.keys.broadcast("2", "1")
     one_self = Membership("r", programs.endpoint, b"s", identity)
     with (
         open_client(agent.endpoint, 60.0, agent.credentials) as listening,
@@ -70,17 +70,17 @@ def test_only_the_plant_may_hand_out_samples(started, identity: str, heard: bool
     ):
         handler = zenoh.handlers.Callback(lambda m: came.append(str(m.key_expr)), indirect=False)
         listening.declare_subscriber(key, handler)
-        listening.declare_subscriber(own, handler)
+        listening.declare_subscriber(own_key, handler)
 
         def put_and_see() -> bool:
-            for each in (key, own):
+            for each in (key, own_key):
                 putting.put(each, b"payload", congestion_control=zenoh.CongestionControl.BLOCK)
-            return (key if heard else own) in came
+            return (key if heard else own_key) in came
 
         # One comes through, so the other was refused and not late: they are in order.
         wait_for(put_and_see)
     assert (key in came) is heard
-    assert (own in came) is not heard
+    assert (own_key in came) is not heard
 
 
 def test_a_run_in_real_time_outlives_its_router(started) -> None:

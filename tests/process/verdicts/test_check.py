@@ -159,18 +159,18 @@ def test_the_constants_of_one_pair_are_the_hand_calculation_and_proven():
     members = [Member("a", SingleIntegrator(1.0), False), Member("b", SingleIntegrator(2.0), True)]
     chain = build_chain(compose(members, [], Separation(1.0), 1.0), [1.5])
     low, high = np.full(4, -3.0), np.full(4, 3.0)
-    found = constants(chain, Region(low, high, np.zeros((1, 4))), [0.1, 0.2])
-    assert all(constant.how == "interval" for constant in found.values())
-    assert found["c_f"].value == 0.0
-    assert found["c_g"].value == pytest.approx(4.0)
-    assert found["c_h"].value == pytest.approx(2 * math.hypot(6, 6))
-    assert found["u_max"].value == pytest.approx(math.sqrt(2))
-    assert found["c_gamma"].value == pytest.approx(2 * math.hypot(2, 2) * math.sqrt(2))
-    assert found["c_alpha"].value == pytest.approx(1.5 * 2 * math.hypot(6, 6) * math.sqrt(2))
+    bounds = constants(chain, Region(low, high, np.zeros((1, 4))), [0.1, 0.2])
+    assert all(constant.how == "interval" for constant in bounds.values())
+    assert bounds["c_f"].value == 0.0
+    assert bounds["c_g"].value == pytest.approx(4.0)
+    assert bounds["c_h"].value == pytest.approx(2 * math.hypot(6, 6))
+    assert bounds["u_max"].value == pytest.approx(math.sqrt(2))
+    assert bounds["c_gamma"].value == pytest.approx(2 * math.hypot(2, 2) * math.sqrt(2))
+    assert bounds["c_alpha"].value == pytest.approx(1.5 * 2 * math.hypot(6, 6) * math.sqrt(2))
     speeds = math.sqrt(2) + 0.1, 2 * math.sqrt(2) + 0.2
-    assert found["mu"].value == pytest.approx(math.hypot(*speeds))
-    eta = MarginConstants(**{k: c.value for k, c in found.items()}).eta(0.01, 0.3)
-    assert eta > found["c_h"].value * 0.3
+    assert bounds["mu"].value == pytest.approx(math.hypot(*speeds))
+    eta = MarginConstants(**{k: c.value for k, c in bounds.items()}).eta(0.01, 0.3)
+    assert eta > bounds["c_h"].value * 0.3
 
 
 def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guaranteed):

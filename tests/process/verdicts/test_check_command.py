@@ -15,21 +15,21 @@ def check(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
 
     def run(*arguments: str) -> tuple[int, str, dict[str, list[str]], str]:
-        found = status(["check", *arguments])
+        exit_status = status(["check", *arguments])
         lines = capsys.readouterr().out.splitlines()
         assert all(len(line) <= 80 or line.startswith("picture: ") for line in lines)
         heading, _, *rest = lines
         begin = next(k for k, line in enumerate(rest) if line.startswith("- "))
         rows = (re.split(r"\s{2,}", line.strip()) for line in rest[:begin])
         words = " ".join(line.strip() for line in rest[begin:])
-        return found, heading, {what: cells for what, *cells in rows}, words
+        return exit_status, heading, {what: cells for what, *cells in rows}, words
 
     return run
 
 
 def test_with_a_given_margin_only_certificates_promise_anything(check):
-    found, heading, table, words = check("one-on-one", "--strict")
-    assert found == 0
+    exit_status, heading, table, words = check("one-on-one", "--strict")
+    assert exit_status == 0
     answer = "a run can end guaranteed: every pair is certified at the start"
     assert heading == f"one-on-one: {answer}"
     assert table["relative degree q"][0] == "1"
@@ -64,8 +64,8 @@ def test_a_start_too_near_is_named_with_the_agent_that_has_no_solution(check):
 
 
 def test_nothing_keeps_the_guaranteed_scenario_from_its_guarantee(check):
-    found, heading, table, words = check("guaranteed", "--strict")
-    assert found == 0
+    exit_status, heading, table, words = check("guaranteed", "--strict")
+    assert exit_status == 0
     assert heading.startswith("guaranteed: a run can end guaranteed")
     assert table["gaps in the theorem's proof"] == ["none", "none", "Th. 2"]
     assert table["margin η, at the start"][1:] == ["any bound", "(24)"]

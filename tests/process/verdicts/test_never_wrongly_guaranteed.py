@@ -344,8 +344,8 @@ def test_an_alpha_that_is_none_is_refused_and_proves_nothing(alpha, x):
     members = [Member("1", DoubleIntegrator(1.0, 0.0, 2), False)]
     pair = compose(members, [Wall((1.0, 0.0), 0.5)], Separation(1.0), 1.0).alone(0)
     alphas = [getattr(attack_own, alpha)(), Linear(1.0)]
-    found = pair_certificate(pair, 0, alphas, [0.0], 0.1)
-    assert found.times(np.array([x]), np.zeros(2))[0] <= (0.5 - x[0]) / x[2]
+    certificate = pair_certificate(pair, 0, alphas, [0.0], 0.1)
+    assert certificate.times(np.array([x]), np.zeros(2))[0] <= (0.5 - x[0]) / x[2]
 
 
 def nominal(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
@@ -354,9 +354,9 @@ def nominal(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
 
 
 def test_lies_about_how_inputs_were_made_change_nothing(tmp_path):
-    given = load("unicycles", overrides={"duration": 1.5})
-    honest, recorded = judged(given, tmp_path, nominal)
-    lying, claimed = judged(given, tmp_path, nominal, Liars)
+    scenario = load("unicycles", overrides={"duration": 1.5})
+    honest, recorded = judged(scenario, tmp_path, nominal)
+    lying, claimed = judged(scenario, tmp_path, nominal, Liars)
     assert {s.origin for s in claimed.steps} == {"qp"} != {s.origin for s in recorded.steps}
     assert lying.trajectory == honest.trajectory
     assert lying.certificates == honest.certificates
@@ -396,8 +396,8 @@ def test_sharp_corners_of_u_are_no_longer_than_they_are(tmp_path):
     table = swarm([[0.0, 0.0], [1.4, 0.0]], None, single, period=0.5, duration=1.0, other=needle)
     assert judged(table, tmp_path, ahead(agent2=-0.1))[0].outcome is Outcome.GUARANTEED
     actuators, x = Actuators(build_swarm(load(table))), np.zeros(4)
-    for beyond, taken in ((0.9e-5, True), (1.1e-5, False), (0.9, False)):
-        assert actuators.takes(1, x, np.array([-0.1 - beyond, 0.0])) is taken
+    for beyond, accepted in ((0.9e-5, True), (1.1e-5, False), (0.9, False)):
+        assert actuators.takes(1, x, np.array([-0.1 - beyond, 0.0])) is accepted
     summary, _ = judged(table, tmp_path, ahead(agent2=-0.3))
     assert summary.outcome is Outcome.SAFE
     assert failed(summary) == {"admissible inputs"}

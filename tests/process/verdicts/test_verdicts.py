@@ -169,17 +169,17 @@ def certified(run: phalanx.Run, turned: dict[str, float]) -> Certification:
 
 def test_what_a_turned_agent_does_to_itself_is_named_and_not_counted():
     run = turned(0.1, obstacle=[0.0, 2.0], adversary=[0.5, 2.5], victim=6.0)
-    apart = [violation.pair for violation in run.summary.excluded]
-    assert sorted(apart) == ["1-3", "1-obstacle 0"]
+    pairs = [violation.pair for violation in run.summary.excluded]
+    assert sorted(pairs) == ["1-3", "1-obstacle 0"]
     assert run.summary.violations == []
     assert run.verdict is Outcome.GUARANTEED
-    for pair in apart:
+    for pair in pairs:
         assert f"{pair} (from t = " in run.summary.reason
         assert any(
             f"{pair} left the safe set, not counted" in log.text for log in run.recording.log
         )
     assert certified(run, {"1": 0.1})
-    assert certified(run, {}).gap.pair in apart
+    assert certified(run, {}).gap.pair in pairs
 
 
 def test_its_own_pairs_need_no_certificate_even_if_it_falls_silent_at_once():
@@ -200,6 +200,6 @@ def test_what_a_turned_agent_does_to_a_normal_one_counts():
     run = turned(0.1, obstacle=[0.0, -8.0], adversary=[0.0, -9.0])
     assert [violation.pair for violation in run.summary.violations] == ["1-2"]
     assert run.summary.excluded == []
-    found = certified(run, {"1": 0.1})
-    assert found.gap.pair == "1-2"
-    assert found.gap.t < run.summary.violations[0].first
+    certification = certified(run, {"1": 0.1})
+    assert certification.gap.pair == "1-2"
+    assert certification.gap.t < run.summary.violations[0].first

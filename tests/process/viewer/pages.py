@@ -31,7 +31,7 @@ PATIENCE = 120.0
 """Time for a page on busy cores to say something [s]."""
 
 
-def drawn(canvas: "Locator") -> str:
+def pixels(canvas: "Locator") -> str:
     """Pixels of a canvas, as a data URL.
 
     A screenshot waits until the page around it stands still, which a scene that is drawn in
@@ -66,7 +66,7 @@ class Viewer:
             text=True,
             env={**os.environ, **environment},
         )
-        self.said = ""
+        self.printed = ""
         """Before it printed its address."""
         self.url = self._printed_url(120.0)
 
@@ -79,11 +79,11 @@ class Viewer:
                 continue
             # Not readline: select does not see a second line that the file object has buffered.
             read = os.read(pipe, 65536)
-            self.said += read.decode(errors="replace")
-            if found := re.search(r"^viewer: (http://\S+)\n", self.said, re.MULTILINE):
-                return found.group(1)
-            assert read, self.said
-        raise AssertionError(f"the viewer printed no address: {self.said}")
+            self.printed += read.decode(errors="replace")
+            if address := re.search(r"^viewer: (http://\S+)\n", self.printed, re.MULTILINE):
+                return address.group(1)
+            assert read, self.printed
+        raise AssertionError(f"the viewer printed no address: {self.printed}")
 
     def answers(self) -> bool:
         """True if the page is served."""
@@ -142,10 +142,10 @@ class Client:
 
     def until(self, pattern: str) -> str:
         """Receive until this came since the last click, and return the pattern's group."""
-        while not (found := re.search(pattern, self.received[self.clicked :])):
+        while not (match := re.search(pattern, self.received[self.clicked :])):
             for message in messages(bytes(self.connection.recv(PATIENCE))):
                 self.received += f"{message}\n"
-        return found[1]
+        return match[1]
 
     def group(self, button: str) -> str:
         """Return the id of the group that has this button."""
@@ -166,8 +166,8 @@ class Client:
 def messages(frame: bytes) -> list[dict[str, object]]:
     """Every message that viser sends a page at once."""
     packed = 16 + int.from_bytes(frame[8:16], "little")
-    found = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
-    return [message for message in found if isinstance(message, dict)]
+    content = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
+    return [message for message in content if isinstance(message, dict)]
 
 
 @contextlib.contextmanager

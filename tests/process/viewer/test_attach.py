@@ -31,9 +31,9 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
             assert second.answers()
             second.process.send_signal(signal.SIGSTOP)
             run.set_speed(1.0)
-            seen = run.summary()
-            assert (seen.trajectory, seen.outcome) == (unseen.trajectory, unseen.outcome), (
-                seen.reason
+            summary = run.summary()
+            assert (summary.trajectory, summary.outcome) == (unseen.trajectory, unseen.outcome), (
+                summary.reason
             )
             second.process.send_signal(signal.SIGCONT)
 
@@ -62,15 +62,15 @@ def test_a_viewer_that_finds_no_run_says_why(
 
 def test_a_viewer_says_what_it_does_until_there_is_a_page(finished: Path) -> None:
     with viewer(str(finished)) as page:
-        reading, evaluating = (page.said.index(what) for what in ("reading", "evaluating h of"))
+        reading, evaluating = (page.printed.index(what) for what in ("reading", "evaluating h of"))
         assert reading < evaluating
 
 
 def test_a_taken_port_is_an_error_that_names_it(tmp_path: Path) -> None:
     with live_run(load("unicycles", ["duration=1.0"]), tmp_path / "done") as run:
         run.summary()
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = str(holder.getsockname()[1])
         command = [sys.executable, "-m", "phalanx", "view", str(run.folder), "--port", port]
         refused = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert refused.returncode == 3

@@ -15,7 +15,7 @@ from zstandard import ZstdDecompressor
 
 from phalanx.recording.read import read
 from tests.process.runs import wait_for
-from tests.process.viewer.pages import drawn
+from tests.process.viewer.pages import pixels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -49,9 +49,9 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     slider = offline.locator("#root [role=slider]").first
     slider.wait_for(state="attached")
     plot = offline.locator("#phx-plots canvas").first
-    before, started = drawn(plot), slider.get_attribute("aria-valuenow")
+    before, started = pixels(plot), slider.get_attribute("aria-valuenow")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
-    wait_for(lambda: drawn(plot) != before)
+    wait_for(lambda: pixels(plot) != before)
     offline.locator("#phx-agent").select_option("4")
     offline.get_by_text("Control step [ms], agent 5").wait_for()
     offline.keyboard.press("Home")

@@ -62,18 +62,18 @@ def test_there_is_a_message_for_every_state_and_step(exported, finished):
     for topic in ("/tf", "/poses", "/h", "/agents/1/state", "/agents/3/state"):
         assert counts[topic] == states
     for name in ("1", "2", "3"):
-        own = finished.inputs.filter(pl.col("agent") == name)
-        assert counts[f"/agents/{name}/step"] == len(own)
+        inputs = finished.inputs.filter(pl.col("agent") == name)
+        assert counts[f"/agents/{name}/step"] == len(inputs)
 
 
 def test_states_inputs_and_h_are_those_of_the_recording(exported, finished):
-    shown = of(exported, "/agents/1/state")
-    assert [(s.x, s.y) for s in shown] == finished.states.select("1.x", "1.y").rows()
-    own = finished.inputs.filter(pl.col("agent") == "1").sort("t")
-    shown = of(exported, "/agents/1/step")
-    assert [s.u_vx for s in shown] == own["u.vx"].to_list()
-    assert [s.nominal_vy for s in shown] == own["nominal.vy"].to_list()
-    assert [s.origin for s in shown] == own["origin"].to_list()
+    messages = of(exported, "/agents/1/state")
+    assert [(s.x, s.y) for s in messages] == finished.states.select("1.x", "1.y").rows()
+    inputs = finished.inputs.filter(pl.col("agent") == "1").sort("t")
+    messages = of(exported, "/agents/1/step")
+    assert [s.u_vx for s in messages] == inputs["u.vx"].to_list()
+    assert [s.nominal_vy for s in messages] == inputs["nominal.vy"].to_list()
+    assert [s.origin for s in messages] == inputs["origin"].to_list()
     assert [s.h_1_2 for s in of(exported, "/h")] == pytest.approx(finished.h["1-2"].to_list())
 
 
@@ -93,19 +93,19 @@ def test_an_adversary_has_no_certified_time_rather_than_one_of_zero(exported):
 def test_each_channel_has_the_units_of_its_fields(exported):
     with exported.open("rb") as file:
         channels = make_reader(file).get_summary().channels.values()
-    found = {channel.topic: channel.metadata for channel in channels}
-    assert found["/agents/1/state"] == {"x": "m", "y": "m"}
-    assert found["/agents/1/step"]["u_vx"] == "m/s"
-    assert found["/agents/1/step"]["certified"] == "s"
-    assert found["/agents/1/step"]["residual"] == "m²/s"
+    units = {channel.topic: channel.metadata for channel in channels}
+    assert units["/agents/1/state"] == {"x": "m", "y": "m"}
+    assert units["/agents/1/step"]["u_vx"] == "m/s"
+    assert units["/agents/1/step"]["certified"] == "s"
+    assert units["/agents/1/step"]["residual"] == "m²/s"
 
 
 def test_every_agent_is_drawn_once_and_moves_with_its_frame(exported, finished):
     opening = of(exported, "/scene")[0]
-    drawn = {entity.id: entity for entity in opening.entities}
+    entities = {entity.id: entity for entity in opening.entities}
     names = [name for name, _, _ in finished.scenario.roster()]
-    assert set(names) <= drawn.keys()
-    assert all(drawn[n].frame_id == n and drawn[n].frame_locked for n in names)
+    assert set(names) <= entities.keys()
+    assert all(entities[n].frame_id == n and entities[n].frame_locked for n in names)
     last = of(exported, "/tf")[-1]
     assert [t.child_frame_id for t in last.transforms] == names
     for transform, pose in zip(last.transforms, of(exported, "/poses")[-1].poses, strict=True):
@@ -132,13 +132,13 @@ def test_the_verdict_is_the_last_line_of_the_log(exported, finished):
 
 def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_path):
     frozen = Command(0.1, CommandKind.FREEZE, "1")
-    found = phalanx.run(
+    faulty = phalanx.run(
         phalanx.load("surrounded", ["duration=1.5"]),
         engine="in-process",
         out=tmp_path,
         commands=phalanx.CommandPolicy(schedule=(frozen, Command(0.2, CommandKind.THAW, "1"))),
     )
-    (path,) = run(found.recording, mcap=tmp_path / "shown.mcap")
+    (path,) = run(faulty.recording, mcap=tmp_path / "shown.mcap")
     levels = {line.message: line.Level.Name(line.level) for line in of(path, "/log")}
     assert levels["agent 1 frozen"] == "WARNING"
     assert levels["agent 1 thawed"] == "INFO"
@@ -156,28 +156,30 @@ def for_rerun(finished, tmp_path_factory) -> dict[str, dict[str, list]]:
     path = tmp_path_factory.mktemp("exported") / "shown.rrd"
     assert run(finished.recording, rerun=path) == [path]
     assert len(reader(str(path)).blueprints()) == 1
-    found: dict[str, dict[str, list]] = {}
+    entities: dict[str, dict[str, list]] = {}
     for chunk in reader(str(path)).stream().to_chunks():
-        columns = found.setdefault(chunk.entity_path, {})
+        columns = entities.setdefault(chunk.entity_path, {})
         batch = chunk.to_record_batch()
         for name in (n for n in batch.schema.names if n == "t" or n.startswith(SHOWN)):
             column = batch.column(name)
-            known = (column.cast("int64") if name == "t" else column).to_pylist()
-            columns.setdefault(name, []).extend(known)
-    return found
+            values = (column.cast("int64") if name == "t" else column).to_pylist()
+            columns.setdefault(name, []).extend(values)
+    return entities
 
 
 def test_rerun_plots_states_inputs_and_h_of_the_recording(for_rerun, finished):
     def plotted(entity: str) -> list[float]:
         return [value for (value,) in for_rerun[entity]["Scalars:scalars"]]
 
-    own = finished.inputs.filter(agent="1")
+    inputs = finished.inputs.filter(agent="1")
     assert plotted("/agents/1/state/x") == finished.states["1.x"].to_list()
-    assert plotted("/agents/1/step/u_vx") == own["u.vx"].to_list()
+    assert plotted("/agents/1/step/u_vx") == inputs["u.vx"].to_list()
     assert plotted("/h/h_tot") == finished.states["h_tot"].to_list()
     assert plotted("/h/1-2") == pytest.approx(finished.h["1-2"].to_list())
-    known = {f"/agents/1/step/{name}": own[name].drop_nulls().to_list() for name in QUANTITIES}
-    for entity, values in known.items():
+    recorded = {
+        f"/agents/1/step/{name}": inputs[name].drop_nulls().to_list() for name in QUANTITIES
+    }
+    for entity, values in recorded.items():
         assert (plotted(entity) if entity in for_rerun else []) == values
     assert "/agents/2/step/certified" not in for_rerun  # an adversary has no certificates
     nanoseconds = [round(1e9 * t) for t in finished.states["t"]]

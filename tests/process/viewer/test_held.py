@@ -45,13 +45,13 @@ def test_a_dead_robots_input_is_a_step_until_it_is_back_and_then_to_the_end(
         tab.get_by_text("and nominal").first.wait_for()
         titles = tab.locator("#phx-plots h2 span").all_inner_texts()
         curves = tab.evaluate(DRAWN_ANEW)
-        drawn = dict(zip(titles, curves, strict=False))  # the lanes have no curve
+        curve_of = dict(zip(titles, curves, strict=False))  # the lanes have no curve
         right = max(x for points in curves for x, _ in points)
-        for title in (title for title in titles if ", agent 1" in title and title in drawn):
-            points = drawn[title]
+        for title in (title for title in titles if ", agent 1" in title and title in curve_of):
+            points = curve_of[title]
             slants = [(a, b) for a, b in pairwise(points) if a[0] < b[0] and a[1] != b[1]]
             assert not slants, title
             if title.startswith("Input"):
                 assert points[-1][0] == pytest.approx(right)
-        assert any(title.startswith("Input") for title in drawn)
+        assert any(title.startswith("Input") for title in curve_of)
         assert replay.end == 1.0

@@ -72,11 +72,11 @@ def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> 
     nodes = {m.name.strip("/") for m in sent if isinstance(m, _CreateSceneNodeMessage)}
     parents = {node.rpartition("/")[0] for node in nodes}
     empty = {"ground/drops"} if model.flat else set()
-    drawn = {mark(node) for node in nodes - parents - empty} - {None}
-    assert "normal" in drawn
+    marks = {mark(node) for node in nodes - parents - empty} - {None}
+    assert "normal" in marks
     text = unescape(legend(model))
     named = {mark for mark in MARKS.values() if mark in text}
-    assert drawn <= named
+    assert marks <= named
     assert ("height over the ground" in named) is not model.flat
 
 

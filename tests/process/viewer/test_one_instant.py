@@ -29,10 +29,10 @@ class Window:
 
     def __init__(self, data: bytes) -> None:
         end = 16 + int.from_bytes(data[8:16], "little")
-        found = msgspec.msgpack.decode(zstandard.decompress(data[16:end]))
-        self.messages: list[dict[str, Any]] = [m for m in found["messages"] if isinstance(m, dict)]
+        parts = msgspec.msgpack.decode(zstandard.decompress(data[16:end]))
+        self.messages: list[dict[str, Any]] = [m for m in parts["messages"] if isinstance(m, dict)]
         self._arrays = list[bytes]()
-        for length in found["binaryBufferLengths"]:
+        for length in parts["binaryBufferLengths"]:
             end += -end % 8
             self._arrays.append(data[end : end + length])
             end += length
@@ -41,8 +41,8 @@ class Window:
         """New positions of a batch, shape (N, 3); None if it does not move."""
         for m in self.messages:
             if m.get("name") == node and "batched_positions" in m.get("updates", {}):
-                place = m["updates"]["batched_positions"]["__binary_index"]
-                return np.frombuffer(self._arrays[place], dtype="<f4").reshape(-1, 3)
+                index = m["updates"]["batched_positions"]["__binary_index"]
+                return np.frombuffer(self._arrays[index], dtype="<f4").reshape(-1, 3)
         return None
 
     def times(self) -> list[str]:
@@ -53,14 +53,14 @@ class Window:
 
 
 def test_bodies_panel_and_clock_of_one_message_are_of_one_instant(finished: Path) -> None:
-    replay, clock, seen = open_replay(finished), "", 0
+    replay, clock, frames = open_replay(finished), "", 0
     with served(replay) as page, visitor(page.server.get_port()) as connection:
         # viser splits what is new to a visitor, with the first frame, of which this is the end.
         while clock != "0.0":
             clock = "".join(Window(bytes(connection.recv(PATIENCE))).times()[-1:])
         replay.set_speed(0.5)
         replay.play(True)
-        while seen < 30:
+        while frames < 30:
             window = Window(bytes(connection.recv(PATIENCE)))
             if (bodies := window.moved("/agents/bodies")) is None:
                 # Texts and clock never move alone.
@@ -72,7 +72,7 @@ def test_bodies_panel_and_clock_of_one_message_are_of_one_instant(finished: Path
             np.testing.assert_allclose(bodies, recorded, atol=1e-5)
             rims = window.moved("/agents/rims")
             np.testing.assert_array_equal(rims, bodies)
-            seen += 1
+            frames += 1
 
 
 PARTS = """
@@ -149,11 +149,11 @@ def test_rings_and_lines_stay_at_their_robots_on_a_busy_machine(tab: "Tab", fini
         replay.set_speed(0.1)
         replay.play(True)
         wait_for(lambda: tab.evaluate("window.seen.length") > 20)
-        seen = tab.evaluate("window.seen")
+        pictures = tab.evaluate("window.seen")
     parts = ("ring", "bodies", "ends")
-    ring, bodies, ends = (np.array([picture[part] for picture in seen]) for part in parts)
+    ring, bodies, ends = (np.array([picture[part] for picture in pictures]) for part in parts)
     assert np.ptp(ring, axis=0).max() > 0.1  # it moved
     np.testing.assert_allclose(ring, bodies[:, 0], atol=1e-4)
     off = np.linalg.norm(bodies[:, None] - ends[:, :, None], axis=3).min(axis=2)
     assert off.max() < 1e-4  # each end of the worst pair's line is at a body
-    assert all(drawn == letters for picture in seen for drawn, letters in picture["labels"])
+    assert all(drawn == letters for picture in pictures for drawn, letters in picture["labels"])

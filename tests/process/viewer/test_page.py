@@ -21,7 +21,7 @@ from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import chosen, drawn, labelled, served, viewer
+from tests.process.viewer.pages import chosen, labelled, pixels, served, viewer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, WebSocket
@@ -34,8 +34,8 @@ STATUS = re.compile(r"t = ([\d.]+) s of")
 
 def time_shown(tab: "Tab") -> float:
     """The virtual time that the page shows."""
-    found = STATUS.search(tab.locator("body").inner_text())
-    return float(found.group(1)) if found else math.nan
+    status = STATUS.search(tab.locator("body").inner_text())
+    return float(status.group(1)) if status else math.nan
 
 
 def number_field(tab: "Tab", label: str) -> "Locator":
@@ -73,10 +73,10 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         plot = tab.locator("#phx-plots canvas").first
         value = tab.locator("#phx-plots h2", has_text="h_tot").locator("output")
         wait_for(lambda: f"h_tot {float(value.inner_text()):.2f}" in tab.inner_text("body"))
-        before = drawn(plot)
+        before = pixels(plot)
         click_at(tab, plot, 0.5)
         wait_for(lambda: abs(time_shown(tab) - 2.0) < 0.05)
-        wait_for(lambda: drawn(plot) != before)
+        wait_for(lambda: pixels(plot) != before)
         click_at(tab, tab.locator("#phx-timeline canvas"), 0.75)
         wait_for(lambda: abs(time_shown(tab) - 3.0) < 0.05)
         tab.get_by_role("button", name="worst", exact=True).click()
@@ -91,7 +91,7 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
 def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finished: Path) -> None:
     def painted() -> str:
         tab.evaluate("new Promise(then => requestAnimationFrame(() => setTimeout(then)))")
-        return drawn(plot)
+        return pixels(plot)
 
     with served(replay := open_replay(finished)) as page:
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
@@ -260,9 +260,9 @@ def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
         tab.get_by_role("button", name="worst moment (z)").wait_for()
         canvas = tab.locator("#phx-plots canvas").last
-        whole = drawn(canvas)
+        whole = pixels(canvas)
         tab.keyboard.press("z")
-        wait_for(lambda: drawn(canvas) != whole)
+        wait_for(lambda: pixels(canvas) != whole)
         click_at(tab, canvas, 0.5)
         middle = (diagram.begin + diagram.end) / 2.0
         wait_for(
@@ -319,9 +319,9 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         tab.goto(page.url)
         tab.get_by_text("Command", exact=True).wait_for()
         plot = tab.locator("#phx-plots canvas").first
-        before = drawn(plot)
+        before = pixels(plot)
         run.set_speed(0.02)  # slow enough that a busy machine's page pauses it before it is over
-        wait_for(lambda: drawn(plot) != before)
+        wait_for(lambda: pixels(plot) != before)
 
         enter(number_field(tab, "Loss [%]"), "50")
         tab.get_by_text("network by command: loss 50%").wait_for()

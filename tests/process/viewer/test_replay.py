@@ -31,11 +31,11 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
         live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", PACED) as run,
         run.watch() as live,
     ):
-        seen: list[Frame] = []
+        frames: list[Frame] = []
 
         def paused() -> bool:
-            seen.extend(frame for frame in [live.take()] if frame)
-            return bool(seen) and seen[-1].paused
+            frames.extend(frame for frame in [live.take()] if frame)
+            return bool(frames) and frames[-1].paused
 
         # At t = 0 a live frame may be older than the first inputs, which a replay shows.
         wait_for(lambda: (frame := live.take()) and frame.t > 0.0)
@@ -45,7 +45,7 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
         live.command(CommandKind.SPEED)
         live.command(CommandKind.RESUME)
         summary = run.summary()
-    live_frame, again = seen[-1], open_replay(tmp_path / "live").frame(seen[-1].t)
+    live_frame, again = frames[-1], open_replay(tmp_path / "live").frame(frames[-1].t)
     assert again.t == live_frame.t
     assert again.x == live_frame.x
     assert again.agents == live_frame.agents
@@ -57,30 +57,30 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
 def test_a_live_run_counts_false_broadcasts_as_its_replay_does(tmp_path: Path) -> None:
     scenario = load("faults/lie-input", ["duration=0.6"])
     with live_run(scenario, tmp_path / "live", HELD) as run, run.watch() as live:
-        seen: list[Frame] = []
+        frames: list[Frame] = []
         run.set_speed(0.1)
 
         def lied() -> bool:
-            seen.extend(frame for frame in [live.take()] if frame)
-            return bool(seen) and seen[-1].agents[1].lies > 0
+            frames.extend(frame for frame in [live.take()] if frame)
+            return bool(frames) and frames[-1].agents[1].lies > 0
 
         wait_for(lied)
         live.command(CommandKind.SPEED)
         run.summary()
-    again = open_replay(tmp_path / "live").frame(seen[-1].t)
-    assert [agent.lies for agent in again.agents] == [agent.lies for agent in seen[-1].agents]
+    again = open_replay(tmp_path / "live").frame(frames[-1].t)
+    assert [agent.lies for agent in again.agents] == [agent.lies for agent in frames[-1].agents]
 
 
 def test_the_number_at_a_plot_is_the_runs_and_not_its_thinned_curves(replay: Replay) -> None:
-    shown = content(replay, range(5), seekable=True)
+    plots = content(replay, range(5), seekable=True)
     bold = {
         plot.title
-        for plot in shown.plots
+        for plot in plots.plots
         if plot.agent in (None, 0) and any(c.role == "chosen" or c.agent == 0 for c in plot.curves)
     }
     for t in np.linspace(0.0, replay.end, 7):
         frame = replay.frame(float(t))
-        values = values_at(replay, frame, 0, shown.pair)
+        values = values_at(replay, frame, 0, plots.pair)
         assert bold == set(values)
         assert values["h_tot"] == frame.h_tot
         assert values["Residual of the row"] == frame.agents[0].step.residual
@@ -94,11 +94,11 @@ def test_a_live_run_marks_violations_as_they_happen(tmp_path: Path) -> None:
             live.take()
             return violations(content(live, [0], seekable=False))
 
-        found = wait_for(marked)
+        live_marks = wait_for(marked)
         assert live.summary is None
         run.set_speed(0.0)
         run.summary()
-    assert found <= violations(plotted(open_replay(folder)))
+    assert live_marks <= violations(plotted(open_replay(folder)))
 
 
 def violations(shown: Content) -> set[tuple[float, str]]:
@@ -198,9 +198,9 @@ def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
 
 def test_the_links_of_one_agent_can_be_selected(replay: Replay) -> None:
     times = replay.times[::20]
-    shown = next(p for t in times if len((p := Picture(replay.model, replay.frame(t))).links) > 3)
+    picture = next(p for t in times if len((p := Picture(replay.model, replay.frame(t))).links) > 3)
     for i in range(3):
-        ends = shown.links == shown.positions[i]
-        np.testing.assert_array_equal(shown.links_of(i), ends.all(axis=2).any(axis=1))
-    assert shown.links_of(0).any()
-    assert not shown.links_of(None).any()
+        ends = picture.links == picture.positions[i]
+        np.testing.assert_array_equal(picture.links_of(i), ends.all(axis=2).any(axis=1))
+    assert picture.links_of(0).any()
+    assert not picture.links_of(None).any()

@@ -68,10 +68,10 @@ def positions(replay: Replay) -> Array:
     return replay.model.kinematics.poses(x).positions
 
 
-def paints(tab: "Tab", view: View, shown: Picture) -> bool:
+def paints(tab: "Tab", view: View, picture: Picture) -> bool:
     """True if the browser painted every agent's colour at its pixel."""
     page = np.array(Image.open(BytesIO(tab.screenshot())).convert("RGB"), dtype=float)
-    for at, rgb in zip(shown.positions, shown.colours, strict=True):
+    for at, rgb in zip(picture.positions, picture.colours, strict=True):
         across, down = (round(part) for part in pixel(tab, view, at))
         patch = page[down - 12 : down + 12, across - 12 : across + 12]
         lengths = np.linalg.norm(patch, axis=2) * np.linalg.norm(rgb)
@@ -134,13 +134,13 @@ def seen_from_above(
         def in_place() -> bool:
             server.run(lambda: camera.show(swarm, None))
             server.run(camera.request_shape)
-            return bool(reports) and shown(reports[-1])
+            return bool(reports) and holds_swarm(reports[-1])
 
-        def shown(seen: View) -> bool:
+        def holds_swarm(view: View) -> bool:
             # The point to look at may be reported with the position before.
-            from_above = seen.axes[2][2] < -0.999
-            far = seen.distance > 1.2 * seen.fitted(swarm, 0.1).distance
-            return from_above and far and seen.holds(swarm)
+            from_above = view.axes[2][2] < -0.999
+            far = view.distance > 1.2 * view.fitted(swarm, 0.1).distance
+            return from_above and far and view.holds(swarm)
 
         wait_for(in_place)  # a new browser's own camera is elsewhere, and then too near
         yield server, camera, view
@@ -152,7 +152,7 @@ TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "Tab") -> None:
     with seen_from_above(tab, TOGETHER) as (server, camera, view):
 
-        def seen(positions: Array) -> View | None:
+        def view_of(positions: Array) -> View | None:
             server.run(lambda: camera.show(positions, None))
             middle = (positions.min(axis=0) + positions.max(axis=0)) / 2.0
             looked = view()
@@ -160,12 +160,12 @@ def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "T
             there = np.allclose(looked.look_at[:2], middle[:2], atol=0.05 * looked.distance)
             return looked if there and looked.holds(positions) else None
 
-        near = wait_for(lambda: seen(TOGETHER)).distance
-        elsewhere = wait_for(lambda: seen(TOGETHER + np.array([5.0, 0.0, 0.0])))
+        near = wait_for(lambda: view_of(TOGETHER)).distance
+        elsewhere = wait_for(lambda: view_of(TOGETHER + np.array([5.0, 0.0, 0.0])))
         assert elsewhere.distance < 1.5 * near
-        left = TOGETHER * np.array([[1.0], [20.0], [1.0]])
-        assert wait_for(lambda: seen(left)).distance > 5.0 * near
-        wait_for(lambda: (back := seen(TOGETHER)) and back.distance < 1.5 * near)
+        scattered = TOGETHER * np.array([[1.0], [20.0], [1.0]])
+        assert wait_for(lambda: view_of(scattered)).distance > 5.0 * near
+        wait_for(lambda: (back := view_of(TOGETHER)) and back.distance < 1.5 * near)
 
 
 def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "Tab") -> None:
@@ -289,16 +289,16 @@ def test_a_whole_run_stays_in_sight_beyond_what_was_known_and_after_the_view_is_
 
         def holds(swarm: Array) -> bool:
             server.run(lambda: camera.show(swarm, None))
-            seen = client.camera
-            return View(seen.position, seen.look_at, seen.up_direction, fov, 1.0).holds(swarm)
+            seat = client.camera
+            return View(seat.position, seat.look_at, seat.up_direction, fov, 1.0).holds(swarm)
 
         assert holds(TOGETHER)
-        assert holds(left := 20.0 * TOGETHER)
+        assert holds(scattered := 20.0 * TOGETHER)
         first = server.initial_camera
         at, towards = (np.asarray(point).tolist() for point in (first.position, first.look_at))
         browser.send(camera_message(at, towards, (0.0, 1.0, 0.0, 0.0)))
         wait_for(lambda: client.camera.position == pytest.approx(first.position))
-        assert holds(left)
+        assert holds(scattered)
 
 
 def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(
@@ -336,9 +336,9 @@ def test_the_panel_of_a_narrow_page_covers_neither_agents_nor_its_own_end(
 ) -> None:
     def box(selector: str) -> tuple[float, float]:
         """Top and bottom of an element."""
-        found = tab.locator(selector).first.bounding_box()
-        assert found is not None
-        return found["y"], found["y"] + found["height"]
+        box = tab.locator(selector).first.bounding_box()
+        assert box is not None
+        return box["y"], box["y"] + box["height"]
 
     with served(replay := open_replay(finished)) as page:
         tab.set_viewport_size({"width": 390, "height": 844})

@@ -41,12 +41,12 @@ def test_a_foreign_page_is_refused(server: SceneServer, origin: str) -> None:
         hello(server, origin)
 
 
-@pytest.mark.parametrize("said", [b"", b"GET / HTTP/1.1\r\n", b"\x16\x03\x01 nonsense\r\n\r\n"])
+@pytest.mark.parametrize("opening", [b"", b"GET / HTTP/1.1\r\n", b"\x16\x03\x01 nonsense\r\n\r\n"])
 def test_a_connection_that_ends_before_its_handshake_leaves_no_traceback(
-    server: SceneServer, caplog: pytest.LogCaptureFixture, said: bytes
+    server: SceneServer, caplog: pytest.LogCaptureFixture, opening: bytes
 ) -> None:
     with socket.create_connection(("127.0.0.1", server.get_port())) as visitor:
-        visitor.sendall(said)
+        visitor.sendall(opening)
         visitor.shutdown(socket.SHUT_WR)
         while visitor.recv(1024):
             pass

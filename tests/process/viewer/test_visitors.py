@@ -44,7 +44,7 @@ def test_a_command_is_for_the_agent_on_its_button_whatever_others_choose(tmp_pat
     assert [(c.kind, c.agent) for c in commands] == [("kill", "5"), ("speed", "")]
 
 
-def shown(page: Page) -> list[tuple[int, str, bool]]:
+def settings(page: Page) -> list[tuple[int, str, bool]]:
     """Return each visitor's agent, framing, and whether inputs are drawn, the first one first."""
     return [
         (v.selected, v.scene.camera.framing.value, v.scene.arrows.applied.visible)
@@ -66,13 +66,13 @@ def test_what_a_visitor_sets_is_not_set_for_others(finished: Path) -> None:
             set_by_other = {"Agent": "4", "Keep in sight": "the swarm", "Dark": True}
             set_by_other |= dict.fromkeys(("Inputs", "Recent paths", "Goals"), False)
             fields = {label: other.field(label) for label in set_by_other}
-            ours.clicked, before = len(ours.received), shown(page)
+            ours.clicked, before = len(ours.received), settings(page)
             for label, value in set_by_other.items():
                 other.click(fields[label], value)
             acting.send(msgspec.json.encode({"seek": replay.end}))
             for client in (ours, other):
                 client.until(f"(t = {replay.end:.3f} s)")
-            after = shown(page)
+            after = settings(page)
     assert after[0] == before[0] == before[1] == (0, "the whole run", True)
     assert after[1] == (3, "the swarm", False)
     assert "dark_mode': True" in other.received
