@@ -44,17 +44,18 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--share", metavar="I/N", help="run each Nth of the tests, from the Ith on")
+    parser.addoption("--share", metavar="I/N", help="run each Nth test, I from 0 to N-1")
 
 
 @pytest.hookimpl(trylast=True)  # after -m has left out what is not meant
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is not of this share. Neighbours, which cost much the same, are shared out."""
     if share := config.option.share:
-        first, number = map(int, share.split("/"))
-        others = [item for i, item in enumerate(items) if i % number != first]
-        config.hook.pytest_deselected(items=others)
-        items[:] = items[first::number]
+        index, number = map(int, share.split("/"))
+        config.hook.pytest_deselected(
+            items=[item for i, item in enumerate(items) if i % number != index]
+        )
+        items[:] = [item for i, item in enumerate(items) if i % number == index]
 
 
 class _FromBothEnds(LoadScopeScheduling):

@@ -239,8 +239,8 @@ def answers_for_another(by: Attacker) -> Iterator[None]:
             for k, t in enumerate(by.sampling_instants(60)):
                 by.forge(session, key, Actuation(k=k, t_apply=t, u=u))
                 by.forge(session, heard, Broadcast(k=k, t_apply=t, u=u))
-                report_of_step = StepReport(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0)
-                by.forge(session, report, Telemetry(k=k, report=report_of_step, ages=()))
+                step_report = StepReport(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0)
+                by.forge(session, report, Telemetry(k=k, report=step_report, ages=()))
             yield
 
 
@@ -298,11 +298,11 @@ def reports_enormous_numbers(by: Attacker) -> Iterator[None]:
     with by.open() as session:
         while True:
             for k in range(60):
-                report_of_step = StepReport(
+                step_report = StepReport(
                     origin=Origin.QP, residual=0.0, u_nom=(most, -most), solve_time=most,
                     margin=most,
                 )  # fmt: skip
-                by.forge(session, key, Telemetry(k=k, report=report_of_step, ages=((0, most),)))
+                by.forge(session, key, Telemetry(k=k, report=step_report, ages=((0, most),)))
             yield
 
 
