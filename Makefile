@@ -25,11 +25,11 @@ quick: $(READY)
 	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: about 5 minutes on two cores."
+	@echo "Testing: about 9 minutes on two cores."
 	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers packages tests/unit
 
 nightly: $(READY)
-	@echo "Testing what \`make test\` leaves out: about 11 minutes on two cores, a share of I/N less."
+	@echo "Testing what \`make test\` leaves out: about 29 minutes on two cores, or SHARE=I/N of it."
 	$(PYTEST) -n 6 -m nightly $(SHARE:%=--share %) tests packages
 
 check: $(READY)
