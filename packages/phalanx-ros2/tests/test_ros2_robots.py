@@ -28,9 +28,12 @@ def test_robots_move_as_commanded_and_one_without_inputs_is_stopped(tmp_path):
     assert all(robot["taken"] > 30 for robot in robots.values())
     assert robots[CUT]["zeros"] > 10
     assert all(robot["v"] == robot["w"] == 0.0 for robot in robots.values()), "stopped at the end"
-    moved = [run.states[name][-1] - run.states[name][0] for name in ("1.x", "2.x")]
-    assert moved[0] > 0.05
-    assert moved[1] < -0.2
+    # On busy cores inputs are late, and robots stand still for most of the run.
+    step = run.scenario.world["command_period"] * run.scenario.agents[0].dynamics["speed"]
+    for name, direction in (("1", 1.0), ("2", -1.0)):
+        commands = robots[name]["taken"] - robots[name]["zeros"]
+        x = run.states[f"{name}.x"]
+        assert direction * (x[-1] - x[0]) > 0.25 * step * commands > 0.0
 
 
 def test_robots_over_ros2_keep_the_rules_of_a_world_but_for_determinism():
