@@ -7,7 +7,6 @@ applied.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -42,8 +41,6 @@ class SafetyRows:
     swarm: Swarm
     composed: SwarmTerms
     """h_tot from its pairs."""
-    _row_functions: dict[object, PairRowFunction] = field(default_factory=dict, compare=False)
-    """Rows by kind of pair, side, groups (with bounds and clocks), part of the row, symbols."""
     _views: "dict[int, SafetyRows]" = field(default_factory=dict, compare=False)
     """Rows of the swarm as agents know it that read no role."""
 
@@ -58,20 +55,9 @@ class SafetyRows:
 
     def with_scenario(self, scenario: Scenario) -> "SafetyRows":
         """Return the rows of a scenario with the same compiled_fields; functions are shared."""
-        swarm, known = self.swarm.with_scenario(scenario), vars(self)
-        other = replace(self, swarm=swarm)
+        swarm = self.swarm.with_scenario(scenario)
         views = {i: view.with_scenario(scenario) for i, view in self._views.items()}
-        if swarm.pairs is self.swarm.pairs:
-            vars(other).update({**known, "swarm": swarm, "_views": views})
-            return other
-        # The chain contains the obstacles' numbers, and is built again.
-        moved: dict[str, Any] = {
-            name: known[name].with_pairs(swarm.pairs)
-            for name in ("composed", "pair_psi")
-            if name in known
-        }
-        vars(other).update({**moved, "_views": views})
-        return other
+        return SafetyRows(swarm, self.composed.with_pairs(swarm.pairs), views)
 
     def seen_by(self, i: int) -> "SafetyRows":
         """Return the rows of the swarm as agent i knows it; these, where roles are declared.
@@ -82,8 +68,7 @@ class SafetyRows:
         if swarm.safety.information_model.reads_roles or swarm.members[i].adversary:
             return self
         if i not in self._views:
-            view = build_rows(swarm.seen_by(i))
-            self._views[i] = replace(view, _row_functions=self._row_functions)
+            self._views[i] = build_rows(swarm.seen_by(i))
         return self._views[i]
 
     @property
@@ -160,12 +145,14 @@ class SafetyRows:
         groups = [swarm.group_numbers[l] for l in (i, other) if l < len(swarm.members)]
         # Rows with equal expressions have these in common.
         text, plain = swarm.pairs.kind_of(a, b).text, margin is None
-        key = text, a == i, *groups, part, plain, str(symbols)
-        if key not in self._row_functions:
+        key = "row", text, a == i, *groups, part, plain, str(symbols)
+
+        def compiled() -> PairRowFunction:
             pair = self.own_pair(i, other, plain)
-            known = ca.SX(0) if margin is None else margin.of(pair.chain, pair.own, part)
-            self._row_functions[key] = PairRowFunction(pair, part, known, symbols)
-        return self._row_functions[key]
+            eta = ca.SX(0) if margin is None else margin.of(pair.chain, pair.own, part)
+            return PairRowFunction(pair, part, eta, symbols)
+
+        return swarm.shared(key, compiled)
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""
@@ -177,8 +164,11 @@ class SafetyRows:
         swarm = self.swarm
         return PairFunctions(swarm.pairs, list(swarm.group_numbers), self._psi)
 
-    def _psi(self, pair: ComposedSet, _: int) -> MappedFunction:
-        return MappedFunction([pair.x, pair.parameters], list(_chain(self.swarm, pair).psi))
+    def _psi(self, pair: ComposedSet, kind: int) -> MappedFunction:
+        swarm = self.swarm
+        groups = [swarm.group_numbers[swarm.names.index(m.name)] for m in pair.members]
+        key, row = ("psi", swarm.pairs.kinds[kind].text, *groups), [pair.x, pair.parameters]
+        return swarm.shared(key, lambda: MappedFunction(row, list(_chain(swarm, pair).psi)))
 
     def margin(self, i: int) -> AgentMargin:
         """Return the scenario's choice of agent i's margins."""

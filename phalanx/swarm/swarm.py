@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
@@ -74,14 +74,12 @@ class Swarm:
 
     def with_scenario(self, scenario: Scenario) -> "Swarm":
         """Return the swarm of a scenario with the same compiled_fields; functions are shared."""
-        other, static = replace(self, scenario=scenario), scenario.static
-        if static != self.safe_set.obstacles:
-            safe_set = replace(self.safe_set, obstacles=static)
-            pairs = self.pairs.with_obstacles(static)
-            other = replace(other, safe_set=safe_set, pairs=pairs, _built={})
-        for name in ("_positions", "_outputs"):
-            vars(other)[name] = getattr(self, name)
-        return other
+        static = scenario.static
+        if static == self.safe_set.obstacles:
+            return replace(self, scenario=scenario)
+        safe_set = replace(self.safe_set, obstacles=static)
+        pairs = self.pairs.with_obstacles(static)
+        return replace(self, scenario=scenario, safe_set=safe_set, pairs=pairs, _built={})
 
     def seen_by(self, i: int) -> "Swarm":
         """Return the swarm as normal agent i knows it if it reads no role: all others may attack.
@@ -190,8 +188,11 @@ class Swarm:
 
     @cached_property
     def _positions(self) -> CompiledFunction:
-        composed = self.safe_set
-        return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+        def compiled() -> CompiledFunction:
+            composed = self.safe_set
+            return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+
+        return self.shared(("positions",), compiled)
 
     def apart(self, x: Array, i: int, j: int) -> float:
         """Return the distance of the output points of agents i and j at the stacked state x [m]."""
@@ -294,9 +295,10 @@ class Swarm:
 
     @cached_property
     def _outputs(self) -> dict[str, Output]:
-        different = {id(m.dynamics): m.dynamics for m in self.members}
-        functions = {number: motion_function(each) for number, each in different.items()}
-        return {m.name: Output(i, functions[id(m.dynamics)]) for i, m in enumerate(self.members)}
+        return {
+            m.name: Output(i, self.shared(("motion", g), partial(motion_function, m.dynamics)))
+            for i, (g, m) in enumerate(zip(self.group_numbers, self.members, strict=True))
+        }
 
     def h_of_pairs(self, x: Array) -> dict[str, Array]:
         """Return every pair's h at stacked states x, shape (s, n̄), as "<agent>-<agent>"."""

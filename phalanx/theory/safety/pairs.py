@@ -254,12 +254,6 @@ class PairFunctions:
         self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
         self._made: dict[tuple[int, ...], MappedFunction] = {}
 
-    def with_pairs(self, pairs: SwarmPairs) -> "PairFunctions":
-        """The same functions for pairs by SwarmPairs.with_obstacles."""
-        other = copy(self)
-        other._swarm = pairs
-        return other
-
     def choose(self, pairs: Index) -> "ChosenFunctions":
         """Choose pairs to evaluate together, shape (r, 2)."""
         swarm = self._swarm
