@@ -1,12 +1,12 @@
-"""phalanx fit: parameters of a scenario, from recorded runs."""
+"""phalanx fit: a scenario's tables from measurements; phalanx network: those that ship."""
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from decimal import ROUND_CEILING, Context
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -19,18 +19,56 @@ if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
     from phalanx.theory.arrays import Array
 
-commands = typer.Typer(no_args_is_help=True, help="Fits of a scenario's fields to recorded runs.")
+commands = typer.Typer(
+    no_args_is_help=True, help="Fit tables of a scenario to measured delays or recorded runs."
+)
+links = typer.Typer(no_args_is_help=True, help="Models of links that ship.")
 _ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.add_typer(commands, name="fit")
+@links.command()
+def presets() -> int:
+    """Print every preset with its fields and where they are from."""
+    from phalanx.network.presets import PRESETS
+
+    for name, preset in PRESETS.items():
+        echo(f"# {name}: {preset.source}", *_toml(preset.table))
+    return 0
 
 
-@commands.callback()
-def fits() -> None:
-    """Keep `disturbance` a command of its own while it is the only one."""
+@commands.command()
+def network(
+    capture: Annotated[
+        Path,
+        typer.Argument(help="CSV with a column delay, empty where a message was lost."),
+    ],
+    unit: Annotated[
+        Literal["s", "ms", "us"] | None,
+        typer.Option(help="Unit of the delays; by default s if plausible.", show_default=False),
+    ] = None,
+) -> int:
+    """Print the network table that fits measured delays and losses best.
+
+    The CSV has one line for each message, in the order of sending, so that bursts can be found.
+
+    Examples:
+
+      phalanx fit network capture.csv
+      phalanx fit network capture.csv --unit ms > network.toml
+    """
+    from phalanx.network.fit import CaptureError, fit, read_capture
+
+    try:
+        with capture.open(encoding="utf-8", newline="") as lines:
+            found = fit(read_capture(lines, unit))
+    except (CaptureError, OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise typer.BadParameter(f"{capture}: {reason}") from error
+    echo(f"# {found.messages} messages, {found.lost} lost")
+    echo(f"# half of the delays are below {1e3 * found.median:.4g} ms; those of the model are")
+    echo(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
+    echo(*_toml(found.table))
+    return 0
 
 
 @commands.command()
@@ -163,3 +201,9 @@ def _with_bounds(scenario: "Scenario", bounds: Sequence[float]) -> "Scenario":
     for group, bound in zip(table["agents"], bounds, strict=True):
         group["disturbance"]["bound"] = bound
     return from_json(json.dumps(table))
+
+
+def _toml(fields: Mapping[str, Any]) -> list[str]:
+    from phalanx.scenario.load import inline
+
+    return ["[network]", *(f"{key} = {inline(value)}" for key, value in fields.items()), ""]

@@ -104,7 +104,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 BUDGET: Mapping[str, int] = {
     "agent": 840,
     "attacks": 1960,
-    "cli": 1800,
+    "cli": 1780,
     "faults": 1020,
     "guarantee": 2240,
     "hosts": 340,

@@ -78,12 +78,12 @@ def test_a_capture_that_is_none_is_refused_with_its_line(lines, message):
 def test_what_the_command_prints_is_a_table_of_a_scenario(tmp_path, capsys):
     capture = tmp_path / "capture.csv"
     capture.write_text("\n".join(captured(3000, **MODELS["pareto"])))
-    assert status(["network", "fit", str(capture)]) == 0
+    assert status(["fit", "network", str(capture)]) == 0
     table = tomllib.loads(capsys.readouterr().out)
     delay = load("unicycles", {"network": table["network"]}).network.delay
     assert delay.distribution == "pareto"
     assert math.isclose(delay.time, 0.1, rel_tol=0.05)
-    assert status(["network", "fit", str(tmp_path / "none.csv")]) == 64
+    assert status(["fit", "network", str(tmp_path / "none.csv")]) == 64
 
 
 def in_one_column(delays: list[float | None]) -> str:
@@ -95,7 +95,7 @@ def test_an_empty_line_of_one_column_is_a_message_that_was_lost(tmp_path, capsys
     delays = [link.fate(k).delay for k in range(3000)]
     capture = tmp_path / "capture.csv"
     capture.write_text(in_one_column(delays))
-    assert status(["network", "fit", str(capture)]) == 0
+    assert status(["fit", "network", str(capture)]) == 0
     printed = capsys.readouterr().out
     assert f"# 3000 messages, {delays.count(None)} lost" in printed
     assert "loss = " in printed
@@ -110,7 +110,7 @@ def test_delays_in_milliseconds_are_not_taken_for_seconds(tmp_path, capsys):
     delays = [link.fate(k).delay for k in range(3000)]
     capture = tmp_path / "capture.csv"
     capture.write_text(in_one_column([d and 1e3 * d for d in delays]))
-    fitting = ["network", "fit", str(capture)]
+    fitting = ["fit", "network", str(capture)]
     assert status(fitting) == 64
     median = 1e3 * statistics.median(d for d in delays if d is not None)
     assert f"half of the delays are above {median:.4g} s" in capsys.readouterr().err
