@@ -43,7 +43,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
 
 sys.path.append(str(Path(__file__).parents[1] / "speed"))
-from scale import apart
+from scale import in_new_process
 from step import Sizes, measure_exchange, payload_sizes
 
 h: Any = importlib.import_module("helics")
@@ -67,12 +67,12 @@ def main() -> None:
     for _ in range(options.rounds):
         ours = phalanx.run(scenario).summary
         assert ours is not None
-        theirs = apart(whole, to_json(scenario), options.core)
+        theirs = in_new_process(whole, to_json(scenario), options.core)
         hashes |= {ours.trajectory, theirs.trajectory}
         rounds.append(
             (
                 measure_exchange(scenario, ours.steps, sizes),
-                apart(exchange, to_json(scenario), options.core, sizes, ours.steps),
+                in_new_process(exchange, to_json(scenario), options.core, sizes, ours.steps),
                 ours.wall_time / ours.steps,
                 theirs.wall_time / theirs.steps,
             )
@@ -195,8 +195,8 @@ def whole(scenario: str, core: str) -> Ended:
 def _answer(core: str, name: str, rows: SafetyRows, membership: Membership) -> None:
     """Run an agent: its control step is that of every engine."""
     swarm = rows.swarm
-    own = membership.of(name, swarm.programs.get(name, ()), swarm.names)
-    keys, sealer = own.keys, own.sealer
+    member = membership.of(name, swarm.programs.get(name, ()), swarm.names)
+    keys, sealer = member.keys, member.sealer
     federate = Federate(name, core)
 
     def send(answer: Answer) -> None:
@@ -208,7 +208,7 @@ def _answer(core: str, name: str, rows: SafetyRows, membership: Membership) -> N
             federate.send(peer, _BROADCAST + sealed)
         federate.send(PLANT, _TELEMETRY + sealer.seal(keys.telemetry(name), answer.telemetry))
 
-    step = ControlStep(rows, swarm.names.index(name), membership=own)
+    step = ControlStep(rows, swarm.names.index(name), membership=member)
     answering, over = SampleAnswering(step, sealer, send, lambda: None), False
     while not over and answering.error is None:
         for sender, payload in federate.received():

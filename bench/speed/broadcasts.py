@@ -81,12 +81,12 @@ def agent(
         def reply(_key: str, payload: bytes) -> None:
             done = Actuation(k=0, t_apply=0.0, u=(0.1, 0.2, 0.3))
             actuation.put(SEALER.seal(KEYS.actuation(name), done))
-            said = Broadcast(k=0, t_apply=0.0, u=(0.1, 0.2, 0.3))
+            broadcast = Broadcast(k=0, t_apply=0.0, u=(0.1, 0.2, 0.3))
             for key in receivers[payload.decode()]:
                 if payload == b"subscribed":
-                    to_all.put(SEALER.seal(key, said))
+                    to_all.put(SEALER.seal(key, broadcast))
                 else:
-                    addressed.put(key, SEALER.seal(key, said))
+                    addressed.put(key, SEALER.seal(key, broadcast))
 
         def hear(key: str, payload: bytes) -> None:
             SEALER.open(key, payload, Broadcast)

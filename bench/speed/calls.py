@@ -41,8 +41,8 @@ def main() -> None:
         steps = counter.run(name, options.duration)
         agent, plant = (counter.total[of] / steps for of in ("agent", "plant"))
         print(f"| {name} | {steps} | {agent + plant:.0f} | {agent:.0f} | {plant:.0f} |", flush=True)
-        for (of, place), count in counter.places.most_common(options.most):
-            print(f"    {count / steps:6.1f}  {of}  {place}")
+        for (of, caller), count in counter.callers.most_common(options.most):
+            print(f"    {count / steps:6.1f}  {of}  {caller}")
 
 
 class Calls:
@@ -51,7 +51,7 @@ class Calls:
     def __init__(self) -> None:
         self.total: Counter[str] = Counter()
         """By program."""
-        self.places: Counter[tuple[str, str]] = Counter()
+        self.callers: Counter[tuple[str, str]] = Counter()
         """By program and calling function."""
         self._depth = 0
         """Calls since a control step began; 0 outside of one."""
@@ -84,8 +84,8 @@ class Calls:
             caller = (frame.f_back or frame).f_code if python else code
             of = "agent" if self._depth else "plant"
             self.total[of] += 1
-            place = f"{Path(caller.co_filename).name}:{caller.co_qualname}"
-            self.places[of, place] += 1
+            label = f"{Path(caller.co_filename).name}:{caller.co_qualname}"
+            self.callers[of, label] += 1
         if python and (self._depth or code is _AGENT):
             self._depth += 1
         elif event == "return" and self._depth:

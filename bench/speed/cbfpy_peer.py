@@ -29,16 +29,16 @@ class Peer:
         self._filter = CBF.from_config(self._problem)
         self._constants = (rows.margin(i).eta, rows.swarm.safety.xi)
 
-    def __call__(self, x: Array, wanted: Array, push: Array, active: Array) -> Array:
+    def __call__(self, x: Array, u_nom: Array, push: Array, active: Array) -> Array:
         """Return the nearest input, shape (m_i,).
 
         Args:
             x: stacked state, shape (n̄,).
-            wanted: u_nom, shape (m_i,).
+            u_nom: nominal input, shape (m_i,).
             push: Σ_{l≠i} g_l w_l, shape (n̄,).
             active: 1 for pairs in the neighbourhood, else 0, shape (p,).
         """
-        u = self._filter.safety_filter(x, wanted, push, active, *self._constants)
+        u = self._filter.safety_filter(x, u_nom, push, active, *self._constants)
         return np.asarray(u)
 
 
@@ -59,8 +59,8 @@ class Problem(CBFConfig):  # type: ignore[misc]
         spheres = [o for o in composed.obstacles if isinstance(o, Sphere)]
         around = [spheres[p.b - agents] for p in composed.pairs if p.b >= agents]
         self._centers = np.array([o.center for o in around])
-        apart = float(swarm.safety.function["radius"])
-        self._radii = np.array([apart] * len(self._b) + [o.clearance for o in around])
+        radius = float(swarm.safety.function["radius"])
+        self._radii = np.array([radius] * len(self._b) + [o.clearance for o in around])
         limit, _ = _limits(self._dynamics)
         super().__init__(
             n=self._shape[0] * self._shape[1],
@@ -118,12 +118,12 @@ class Problem(CBFConfig):  # type: ignore[misc]
         return -2.0 * jnp.array(self._dynamics.input_metric()) * u_des
 
     def _h(self, z: Any, active: Any) -> Any:
-        each = z.reshape(self._shape)
+        states = z.reshape(self._shape)
         if isinstance(self._dynamics, Unicycle):
-            heading = jnp.stack([jnp.cos(each[:, 2]), jnp.sin(each[:, 2])], axis=1)
-            p = each[:, :2] + self._dynamics.offset * heading
+            heading = jnp.stack([jnp.cos(states[:, 2]), jnp.sin(states[:, 2])], axis=1)
+            p = states[:, :2] + self._dynamics.offset * heading
         else:
-            p = each[:, :3]
+            p = states[:, :3]
         others = jnp.concatenate([p[self._b], self._centers])
         h = self._radii**2 - jnp.sum((p[self._a] - others) ** 2, axis=1)
         return -jax.nn.logsumexp(self._rho * h, b=active, keepdims=True) / self._rho

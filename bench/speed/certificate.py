@@ -69,8 +69,8 @@ def measured(name: str, duration: float, spent: dict[str, float]) -> tuple[float
     spent.update(dict.fromkeys(spent, 0.0))
     run = phalanx.run(phalanx.load(name, {"duration": duration}), engine="in-process")
     assert run.summary is not None
-    each = (spent[part] / run.summary.steps for part in (CERTIFICATES, INTEGRATION, RUN))
-    return (spent[COMPILED], *each)
+    parts = (spent[part] / run.summary.steps for part in (CERTIFICATES, INTEGRATION, RUN))
+    return (spent[COMPILED], *parts)
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ class Sampled(NamedTuple):
 
     t: float
     x: Array
-    seen: tuple[int, ...]
+    visible: tuple[int, ...]
     u_nom: Array
     received: dict[int, ReceivedInput]
     applied: Array
@@ -91,8 +91,8 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
             u, u_nom = np.array(step.u), np.array(step.u_nom)
             binding = step.residual is not None and step.residual > -1e-3
             x = states[step.t]
-            seen = swarm.seen(i, x)
-            yield Sampled(step.t, x, seen, u_nom, received, u, binding)
+            visible = swarm.seen(i, x)
+            yield Sampled(step.t, x, visible, u_nom, received, u, binding)
         elif l in newest:
             newest[l].append(Claim(step.t_apply, tuple(step.u)))
 
@@ -102,8 +102,8 @@ def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
     terms, decide = rows.terms(i), rows.filter(i)
 
     def step(now: Sampled) -> Array:
-        found = terms(now.x, now.seen)
-        arguments = FilterInput(now.t, now.x, now.seen, found, now.u_nom, now.received)
+        found = terms(now.x, now.visible)
+        arguments = FilterInput(now.t, now.x, now.visible, found, now.u_nom, now.received)
         return decide(arguments).decision.u
 
     return step
@@ -114,12 +114,12 @@ def cbfpy_step(
 ) -> Callable[[Sampled], Array]:
     """Make the same function with cbfpy; the others' inputs are computed before, and not timed."""
     swarm, peer, terms = rows.swarm, Peer(rows, i, backend), rows.terms(i)
-    given = {
+    arguments = {
         now.t: (
             push(
                 swarm,
                 i,
-                terms(now.x, now.seen),
+                terms(now.x, now.visible),
                 {l: np.array(h.u) for l, h in now.received.items()},
                 now.x,
             ),
@@ -127,13 +127,13 @@ def cbfpy_step(
         )
         for now in steps
     }
-    return lambda now: peer(now.x, now.u_nom, *given[now.t])
+    return lambda now: peer(now.x, now.u_nom, *arguments[now.t])
 
 
 def in_sight(rows: SafetyRows, i: int, now: Sampled) -> Array:
     """Return 1 for each pair of which agent i sees both sides, else 0, shape (p,)."""
     swarm = rows.swarm
-    members = np.isin(np.arange(len(swarm.members)), now.seen)
+    members = np.isin(np.arange(len(swarm.members)), now.visible)
     near = rows.composed.in_sight.of(swarm.members[i].dynamics, swarm.sensing(i))
     obstacles = np.ones(len(swarm.pairs.obstacles))
     if near is not None:
@@ -159,7 +159,7 @@ def measured(
 
     So all have the same load of the machine, and warm caches.
     """
-    found = {name: Measured(*np.empty((2, len(steps)))) for name in controllers}
+    results = {name: Measured(*np.empty((2, len(steps)))) for name in controllers}
     for first in range(0, len(steps), IN_TURN):
         turn = range(first, min(first + IN_TURN, len(steps)))
         for name, step in controllers.items():
@@ -168,16 +168,16 @@ def measured(
             for k in turn:
                 began = time.perf_counter()
                 u = step(steps[k])
-                found[name].times[k] = time.perf_counter() - began
-                found[name].differences[k] = np.abs(u - steps[k].applied).max()
-    return found
+                results[name].times[k] = time.perf_counter() - began
+                results[name].differences[k] = np.abs(u - steps[k].applied).max()
+    return results
 
 
-def report(steps: list[Sampled], found: dict[str, Measured]) -> None:
+def report(steps: list[Sampled], results: dict[str, Measured]) -> None:
     """Print one line for each controller; the first is ours."""
     binding = np.array([now.binding for now in steps])
-    ours, *_ = found.values()
-    for name, (times, differences) in found.items():
+    ours, *_ = results.values()
+    for name, (times, differences) in results.items():
         ratio = f"{np.median(times / ours.times):.1f}"
         columns = [name, str(len(steps)), _quantiles(times), _quantiles(times[binding]), ratio]
         print("|", " | ".join([*columns, f"{differences.max():.1e}"]), "|", flush=True)

@@ -33,12 +33,14 @@ def line(name: str, duration: float, rounds: int) -> str:
     rates: dict[str, list[float]] = {engine: [] for engine in ENGINES}
     hashes = set()
     for _ in range(rounds):
-        for engine, found in rates.items():
+        for engine, steps_per_second in rates.items():
             summary = phalanx.run(scenario, engine=engine).summary
             assert summary is not None
-            found.append(summary.steps / summary.wall_time)
+            steps_per_second.append(summary.steps / summary.wall_time)
             hashes.add(summary.trajectory)
-    processes, in_process = (statistics.median(found) for found in rates.values())
+    processes, in_process = (
+        statistics.median(steps_per_second) for steps_per_second in rates.values()
+    )
     agents = sum(len(group.names) for group in scenario.agents)
     same = "same" if len(hashes) == 1 else "DIFFERENT"
     ratio = in_process / processes

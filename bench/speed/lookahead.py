@@ -104,14 +104,14 @@ def measured(rows: SafetyRows) -> tuple[float, str]:
     answers = context.SimpleQueue()
     programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), answers))]
     for name in rows.swarm.names:
-        own = membership.of(name, (name,), rows.swarm.names)
-        programs.append(context.Process(target=agent.run, args=(rows, own)))
+        member = membership.of(name, (name,), rows.swarm.names)
+        programs.append(context.Process(target=agent.run, args=(rows, member)))
     for program in programs:
         program.start()
-    found: tuple[float, str] = answers.get()
+    answer: tuple[float, str] = answers.get()
     for program in programs:
         program.join()
-    return found
+    return answer
 
 
 def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[float, str]]") -> None:

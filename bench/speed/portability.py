@@ -41,8 +41,10 @@ SETTINGS: Mapping[str, Mapping[str, str]] = {
 def main() -> None:
     """Run every scenario under every setting, and print the table."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    own = [name for name in phalanx.shipped() if not name.startswith("worlds/")]
-    arguments.add_argument("scenarios", nargs="*", default=own, help="by default all but worlds/")
+    shipped = [name for name in phalanx.shipped() if not name.startswith("worlds/")]
+    arguments.add_argument(
+        "scenarios", nargs="*", default=shipped, help="by default all but worlds/"
+    )
     arguments.add_argument("--duration", type=float, help="virtual time [s]; whole runs otherwise")
     arguments.add_argument("--only", action="append", choices=list(SETTINGS), help="a setting")
     arguments.add_argument("--engine", choices=list(ENGINES), default="in-process")
@@ -62,8 +64,8 @@ def main() -> None:
     for scenario in options.scenarios:
         run = partial(trajectory, scenario, options.duration, options.engine)
         here = run(sys.executable, {})
-        found = [run(*column) for column in columns.values()]
-        cells = ["same" if there == here else there[:12] for there in found]
+        hashes = [run(*column) for column in columns.values()]
+        cells = ["same" if there == here else there[:12] for there in hashes]
         differed |= set(cells) != {"same"}
         print("|", " | ".join([scenario, here[:12], *cells]), "|", flush=True)
     print("libm itself:", "differs" if libm_without_fma() != libm_here() else "same", "without FMA")

@@ -103,23 +103,23 @@ def sized(name: str, agents: int, steps: int) -> phalanx.Scenario:
 def cells(scenario: phalanx.Scenario) -> str:
     """Make one line of the table, without its size."""
     size = sum(group.size for group in scenario.agents)
-    build = apart(build_time, to_json(scenario))
-    alone, exchange = apart(bare_processes, size, peers(scenario))
+    build = in_new_process(build_time, to_json(scenario))
+    alone, exchange = in_new_process(bare_processes, size, peers(scenario))
     started, run = observed(scenario)
     inside = phalanx.run(scenario, engine="in-process").summary
     assert inside is not None
     same = "same" if inside.trajectory == run.trajectory else "DIFFERENT"
     step, direct = run.wall_time / run.steps, inside.wall_time / inside.steps
-    found = [
+    columns = [
         f"{build:.2f} | {started.seconds:.2f} | {alone:.2f} | {started.seconds / alone:.1f}",
         f"{started.agent:.1f} | {started.plant:.1f} | {step * 1e6:.0f} | {exchange * 1e6:.0f}",
         f"{1 / step:.0f} | {run.real_time_factor:.2f}",
         f"{direct * 1e6:.0f} | {inside.real_time_factor:.2f} | {same}",
     ]
-    return " | ".join(found)
+    return " | ".join(columns)
 
 
-def apart(function: Callable[..., T], *arguments: object) -> T:
+def in_new_process(function: Callable[..., T], *arguments: object) -> T:
     """Call a function in a new process, and return its result."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as pool:
@@ -139,9 +139,9 @@ def build_time(scenario_json: str) -> float:
 def peers(scenario: phalanx.Scenario) -> int:
     """Count the other agents in an agent's neighbourhood at the start, on average."""
     p = np.array([g.start[place][: g.axes] for _, g, place in scenario.roster()])
-    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
+    distances = np.linalg.norm(p[:, None] - p[None], axis=2)
     radius = scenario.safety.neighbourhood or np.inf
-    return round(float((apart <= radius).sum() / len(p) - 1.0))
+    return round(float((distances <= radius).sum() / len(p) - 1.0))
 
 
 def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
@@ -156,7 +156,7 @@ def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
             joined.put(time.perf_counter())
 
     began = time.perf_counter()
-    seen: list[Started] = []
+    measurements: list[Started] = []
 
     def look() -> None:
         seconds = joined.get() - began
@@ -164,7 +164,9 @@ def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
         for process in psutil.Process().children(recursive=True):
             named.setdefault(process.name()[: len("phx-agent")], []).append(process)
         agents = [megabytes(process) for process in named["phx-agent"][:LOOKED_AT]]
-        seen.append(Started(seconds, statistics.median(agents), megabytes(*named["phx-plant"])))
+        measurements.append(
+            Started(seconds, statistics.median(agents), megabytes(*named["phx-plant"]))
+        )
 
     watcher = threading.Thread(target=look, daemon=True)
     watcher.start()
@@ -173,7 +175,7 @@ def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
     if summary.outcome is Outcome.BROKEN:
         raise RuntimeError(summary.reason)
     watcher.join()
-    return seen[0], summary
+    return measurements[0], summary
 
 
 def megabytes(process: psutil.Process) -> float:

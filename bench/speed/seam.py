@@ -53,8 +53,8 @@ def main() -> None:
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("--rounds", type=int, default=5)
-    given = parser.parse_args()
-    rounds = [(runs(given.before), runs(given.after)) for _ in range(given.rounds)]
+    options = parser.parse_args()
+    rounds = [(runs(options.before), runs(options.after)) for _ in range(options.rounds)]
     before, after = zip(*rounds, strict=True)
     assert len({each.trajectory for each in (*before, *after)}) == 1
     print(f"trajectory of both: {before[0].trajectory[:12]}")
@@ -76,8 +76,8 @@ def runs(checkout: Path) -> Runs:
         check=True,
     )
     calls, *lines = done.stdout.splitlines()
-    each = [line.split() for line in lines]
-    return Runs(int(calls), [float(seconds) for seconds, _ in each], each[0][1])
+    words = [line.split() for line in lines]
+    return Runs(int(calls), [float(seconds) for seconds, _ in words], words[0][1])
 
 
 if __name__ == "__main__":

@@ -96,9 +96,9 @@ def main() -> None:
     print()
     print("| | program: thread | waits of a step | taken from its core |")
     print("|---|---|---|---|")
-    for title, found in woken.items():
-        for thread, (waits, taken) in sorted(found.items(), key=lambda item: -item[1][0]):
-            print(f"| {title} | {thread} | {waits:.2f} | {taken:.2f} |")
+    for title, counts in woken.items():
+        for thread, (waits, preemptions) in sorted(counts.items(), key=lambda item: -item[1][0]):
+            print(f"| {title} | {thread} | {waits:.2f} | {preemptions:.2f} |")
 
 
 def spread(ratios: list[float]) -> str:
@@ -137,7 +137,7 @@ def wakeups(scenario: phalanx.Scenario) -> Wakeups:
 
 def switches() -> Counter[tuple[str, int]]:
     """Return the context switches of all programs so far, by thread: voluntary 0, forced 1."""
-    found: Counter[tuple[str, int]] = Counter()
+    counts: Counter[tuple[str, int]] = Counter()
     for process in psutil.Process().children(recursive=True):
         with contextlib.suppress(OSError, psutil.NoSuchProcess):
             program = "plant" if process.name() == "phx-plant" else "agents"
@@ -148,8 +148,8 @@ def switches() -> Counter[tuple[str, int]]:
                 name = (task / "comm").read_text().strip().rstrip("-0123456789")
                 thread = "its own" if name.startswith("phx") else name
                 for kind, line in enumerate(lines[-2:]):
-                    found[f"{program}: {thread}", kind] += int(line.split()[1])
-    return found
+                    counts[f"{program}: {thread}", kind] += int(line.split()[1])
+    return counts
 
 
 def per_step(run: phalanx.Run) -> tuple[float, int]:
@@ -162,10 +162,10 @@ def payload_sizes(scenario: phalanx.Scenario) -> Sizes:
     """Compute the sizes of the messages in the first step of the first normal agent."""
     swarm = build_swarm(scenario)
     step = ControlStep(build_rows(swarm), swarm.normal[0])
-    nothing, seen = tuple(-1 for _ in swarm.members), tuple(range(len(swarm.members)))
-    x = StateCodec(swarm).pack(swarm.start(), seen)
+    nothing, everyone = tuple(-1 for _ in swarm.members), tuple(range(len(swarm.members)))
+    x = StateCodec(swarm).pack(swarm.start(), everyone)
     hearers = swarm.heard_by(step.i)
-    sample = Sample(k=0, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=hearers)
+    sample = Sample(k=0, t=0.0, seen=everyone, x=x, since=nothing, latest=nothing, hearers=hearers)
     answer = step(step.accept_sample(sample))
     broadcast = answer.broadcasts[hearers[0]]
     messages = (sample, answer.actuation, broadcast, answer.telemetry)

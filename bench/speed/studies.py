@@ -28,11 +28,11 @@ def main() -> None:
     arguments.add_argument("--rounds", type=int, default=3)
     options = arguments.parse_args()
     scenario = phalanx.load(options.scenario, {"duration": options.duration})
-    each, rows, coordinator, scaling = [], [], [], []
+    run_times, rows, coordinator, scaling = [], [], [], []
     for number in range(options.rounds):
         first = number * options.runs
         seeds = range(first, first + options.runs)
-        each.append(by_run(scenario, seeds))
+        run_times.append(by_run(scenario, seeds))
         one = by_study(scenario, seeds, 1)
         two = by_study(scenario, seeds, 2)
         rows.append(one[1])
@@ -42,9 +42,9 @@ def main() -> None:
     print(
         f"{options.scenario}, {options.rounds} rounds of {runs} runs, {os.cpu_count()} processors"
     )
-    print(f"a run and its metrics:  {statistics.median(each) / runs:.3f} s of CPU")
+    print(f"a run and its metrics:  {statistics.median(run_times) / runs:.3f} s of CPU")
     print(f"a row of a study:       {statistics.median(rows) / runs:.3f} s of CPU")
-    ratios = [a / b for a, b in zip(each, rows, strict=True)]
+    ratios = [a / b for a, b in zip(run_times, rows, strict=True)]
     spread = f"{min(ratios):.2f} to {max(ratios):.2f}"
     print(f"rows for the CPU of a run: {statistics.median(ratios):.2f} ({spread})")
     print(f"two workers are {statistics.median(scaling):.2f} times as fast as one")
@@ -66,10 +66,10 @@ def by_study(scenario: phalanx.Scenario, seeds: range, workers: int) -> tuple[fl
     with Pool(workers) as pool, tempfile.TemporaryDirectory() as folder:
         # Each worker loads and compiles once for thousands of rows.
         study(scenario, seeds=2 * workers, executor=pool, in_flight=2 * workers, confirm=0.0)
-        own, others, wall = time.process_time(), of_workers(), time.monotonic()
+        coordinator, others, wall = time.process_time(), of_workers(), time.monotonic()
         out = Path(folder)
         study(scenario, seeds=seeds, out=out, executor=pool, in_flight=2 * workers, confirm=0.0)
-        return time.process_time() - own, of_workers() - others, time.monotonic() - wall
+        return time.process_time() - coordinator, of_workers() - others, time.monotonic() - wall
 
 
 def of_workers() -> float:

@@ -50,11 +50,11 @@ def main() -> None:
         scenario = sized(options.scenario, size, options.steps)
         rounds = [[observed(scenario, many) for many in kinds] for _ in range(options.rounds)]
         same = len({run.trajectory for each in rounds for run in each}) == 1
-        for many, found in zip(kinds, zip(*rounds, strict=True), strict=True):
+        for many, runs in zip(kinds, zip(*rounds, strict=True), strict=True):
             startup, memory, step, factor = (
-                statistics.median(run[k] for run in found) for k in range(4)
+                statistics.median(run[k] for run in runs) for k in range(4)
             )
-            spread = "-".join(f"{1e6 * f(run.step for run in found):.0f}" for f in (min, max))
+            spread = "-".join(f"{1e6 * f(run.step for run in runs):.0f}" for f in (min, max))
             cells = f"{startup:.2f} | {memory:.0f} | {1e6 * step:.0f} ({spread}) | {factor:.2f}"
             print(f"| {size} | {many} | {cells} | {'same' if same else 'DIFFERENT'} |", flush=True)
 
@@ -62,7 +62,7 @@ def main() -> None:
 def observed(scenario: phalanx.Scenario, together: int) -> Measured:
     """Run a scenario with real processes, and measure them once all have joined."""
     joined: SimpleQueue[float] = SimpleQueue()
-    seen: list[tuple[float, float]] = []
+    measurements: list[tuple[float, float]] = []
 
     def on_status(status: Status) -> None:
         if not status.waiting_for:
@@ -71,7 +71,9 @@ def observed(scenario: phalanx.Scenario, together: int) -> Measured:
     def look() -> None:
         seconds = joined.get() - began
         children = psutil.Process().children(recursive=True)
-        seen.append((seconds, sum(megabytes(p) for p in children if p.name().startswith("phx-"))))
+        measurements.append(
+            (seconds, sum(megabytes(p) for p in children if p.name().startswith("phx-")))
+        )
 
     watcher = threading.Thread(target=look, daemon=True)
     watcher.start()
@@ -80,7 +82,7 @@ def observed(scenario: phalanx.Scenario, together: int) -> Measured:
     assert summary is not None
     watcher.join()
     step = summary.wall_time / summary.steps
-    return Measured(*seen[0], step, summary.real_time_factor, summary.trajectory)
+    return Measured(*measurements[0], step, summary.real_time_factor, summary.trajectory)
 
 
 if __name__ == "__main__":

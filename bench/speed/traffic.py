@@ -36,9 +36,9 @@ def main() -> None:
         count = {"agents.0.count": size - size // 8, "agents.1.count": size // 8}
         scenario = phalanx.load("swarm", {**count, **SIMPLE, "duration": options.duration})
         rows = build_rows(build_swarm(scenario))
-        found = [counted for counted in received(rows) if counted["samples"] > 1]
+        agents = [counted for counted in received(rows) if counted["samples"] > 1]
         means = [
-            statistics.mean(counted[what] / counted["samples"] for counted in found)
+            statistics.mean(counted[what] / counted["samples"] for counted in agents)
             for what in ("seen", "messages", "bytes")
         ]
         print(f"| {size} | " + " | ".join(f"{mean:.1f}" for mean in means) + " |", flush=True)
@@ -51,15 +51,15 @@ def received(rows: SafetyRows) -> list[Counter[str]]:
     times, counts = context.SimpleQueue(), context.SimpleQueue()
     programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), times))]
     for name in rows.swarm.names:
-        own = membership.of(name, (name,), rows.swarm.names)
-        programs.append(context.Process(target=counted_agent, args=(rows, own, counts)))
+        member = membership.of(name, (name,), rows.swarm.names)
+        programs.append(context.Process(target=counted_agent, args=(rows, member, counts)))
     for program in programs:
         program.start()
     times.get()
-    found = dict(counts.get() for _ in rows.swarm.names)
+    counters = dict(counts.get() for _ in rows.swarm.names)
     for program in programs:
         program.join()
-    return [found[rows.swarm.names[i]] for i in rows.swarm.normal]
+    return [counters[rows.swarm.names[i]] for i in rows.swarm.normal]
 
 
 def counted_agent(

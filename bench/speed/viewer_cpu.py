@@ -90,11 +90,11 @@ class Carousel:
         self._frames += 1
         t = self._frames / RATE
         velocities = np.cos(t + self._phases)
-        shown = [AgentStatus(step=_step(tuple(v))) for v in velocities.reshape(-1, 2).tolist()]
+        agents = [AgentStatus(step=_step(tuple(v))) for v in velocities.reshape(-1, 2).tolist()]
         frame = Frame(
             t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
             h_tot=-1.0, h=-1.0, worst_h=-1.0, pair=self._frames % 9,
-            turned=(), agents=tuple(shown), link_events=(),
+            turned=(), agents=tuple(agents), link_events=(),
             steps=self._frames, real_time_factor=1.0, assumptions=(), violations=(), log=(),
             paused=False, speed=0.0, loss=None, delay=None,
         )  # fmt: skip
@@ -130,11 +130,11 @@ def cpu_share(count: int, seconds: float, watched: bool) -> float:
         time.sleep(3.0)  # the page loads
         before, began = process.cpu_times(), updates.value
         time.sleep(seconds)
-        after, made = process.cpu_times(), updates.value - began
+        after, frames = process.cpu_times(), updates.value - began
     over.set()
     server.join()
     used: float = after.user + after.system - before.user - before.system
-    share: float = RATE * used / made
+    share: float = RATE * used / frames
     return share
 
 

@@ -155,10 +155,10 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
         attacker = _start(__file__, attack, endpoint, str(keys))
         of_run = ["--run", RUN, "--scenario", SCENARIO]
         of_run += [word for override in OVERRIDES for word in ("--set", override)]
-        own = keys / OURS
+        honest = keys / OURS
         running = []
         for name in agents:
-            ends = ("--connect", endpoint, "--keys", str(own / name))
+            ends = ("--connect", endpoint, "--keys", str(honest / name))
             running.append(_start("-m", "phalanx", "agent", name, *ends, *of_run))
         if attack in HUBS:
             while not all(map(_connects, running)):
@@ -168,7 +168,7 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
         running.append(
             _start(
                 *("-m", "phalanx", "plant", "--listen", endpoint, "--folder", str(folder), *of_run),
-                *("--keys", str(own / PLANT), "--speed", str(SPEED)),
+                *("--keys", str(honest / PLANT), "--speed", str(SPEED)),
             )
         )
         try:
@@ -177,8 +177,8 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
         finally:
             for program in (attacker, *running):
                 program.kill()
-            said = attacker.communicate()[0].splitlines()
-        return said, read_summary((folder / SUMMARY).read_bytes())
+            lines = attacker.communicate()[0].splitlines()
+        return lines, read_summary((folder / SUMMARY).read_bytes())
 
 
 def _make_keys(keys: Path, names: list[str]) -> None:
@@ -213,17 +213,17 @@ def main() -> None:
     name, endpoint, keys = sys.argv[1:]
     if name in HUBS:
         play_the_hub(endpoint, Path(keys) / OURS / HUBS[name])
-    shown = CERTIFIED[name]
-    folder = Path(keys) / shown.authority
+    case = CERTIFIED[name]
+    folder = Path(keys) / case.authority
     shows: dict[str, Any] = {"enable_mtls": False}
-    if shown.plain:
+    if case.plain:
         endpoint = endpoint.replace("tls/", "tcp/")
-    elif shown.name is not None:
-        shows = tls(folder / shown.name, "connect")
+    elif case.name is not None:
+        shows = tls(folder / case.name, "connect")
     # The hub's authority is public: it would be admitted by a hub that only checked that.
     shows["root_ca_certificate"] = str(Path(keys) / OURS / VICTIM / AUTHORITY)
-    at_full_speed = shown.attack in (answers_for_another, floods)
-    assail(Attacker(endpoint, RUN, b"", shows), shown.attack, at_full_speed)
+    at_full_speed = case.attack in (answers_for_another, floods)
+    assail(Attacker(endpoint, RUN, b"", shows), case.attack, at_full_speed)
 
 
 if __name__ == "__main__":

@@ -35,21 +35,21 @@ def run(folder: Path, size: int) -> subprocess.CompletedProcess[str]:
 def complaints(ended: subprocess.CompletedProcess[str], folder: Path) -> list[str]:
     """Return the deviations from the expected end of a run on a disk that is too small."""
     *_, last = ended.stdout.splitlines() or [""]
-    found = []
+    deviations = []
     if ended.returncode != 3 or not last.startswith("broken: ") or RECORDING not in last:
-        found.append(f"status {ended.returncode}: {last!r}")
+        deviations.append(f"status {ended.returncode}: {last!r}")
     if list(folder.glob(f"*/{SUMMARY}")):
-        found.append(f"a {SUMMARY}")
+        deviations.append(f"a {SUMMARY}")
     for written in folder.glob(f"*/{RECORDING}"):
         try:
             recording = read(written)
         except UnreadableRecordingError:
             continue  # nothing of it was written
         if not recording.damage:
-            found.append("a whole recording")
+            deviations.append("a whole recording")
         if recording.summary:
-            found.append(f"a verdict: {recording.summary.outcome}")
-    return found
+            deviations.append(f"a verdict: {recording.summary.outcome}")
+    return deviations
 
 
 def main() -> None:
@@ -62,10 +62,10 @@ def main() -> None:
     faults, sizes = 0, range(whole - TOLERANCE, 0, -step)
     for size in sizes:
         with tempfile.TemporaryDirectory() as parent:
-            found = complaints(run(Path(parent), size), Path(parent))
-        faults += bool(found)
-        if found:
-            print(f"{size}: {'; '.join(found)}", flush=True)
+            deviations = complaints(run(Path(parent), size), Path(parent))
+        faults += bool(deviations)
+        if deviations:
+            print(f"{size}: {'; '.join(deviations)}", flush=True)
     print(
         f"{len(sizes)} sizes of a recording of {whole} bytes, from {sizes[-1]}: {faults} otherwise"
     )

@@ -55,12 +55,12 @@ class Run:
 
     def alive(self) -> list[psutil.Process]:
         """Its living processes."""
-        found = []
+        processes = []
         for process in psutil.process_iter():
             with contextlib.suppress(psutil.Error):
                 if process.environ().get(MARK) == self.mark and process.status() != "zombie":
-                    found.append(process)
-        return found
+                    processes.append(process)
+        return processes
 
     def find(self, target: str) -> psutil.Process | None:
         """One of its programs, if it is there."""
@@ -83,8 +83,8 @@ class Run:
 def strike(run: Run, target: str, number: signal.Signals, after: float) -> bool:
     """Send the signal after so long [s], once the program is there; whether it was."""
     begun = time.monotonic()
-    while (left := begun + after - time.monotonic()) > 0:
-        time.sleep(min(left, 0.01))
+    while (wait := begun + after - time.monotonic()) > 0:
+        time.sleep(min(wait, 0.01))
     while run.process.poll() is None:
         victim = run.find(target)
         if victim is not None:
@@ -100,14 +100,14 @@ def strike(run: Run, target: str, number: signal.Signals, after: float) -> bool:
 def complaints(run: Run, folder: Path, target: str, number: signal.Signals) -> list[str]:
     """Return the deviations from the expected end after the signal."""
     try:
-        said, _ = run.process.communicate(timeout=ENDED)
+        output, _ = run.process.communicate(timeout=ENDED)
     except subprocess.TimeoutExpired:
         return ["it did not end"]
-    status, found = run.process.returncode, []
+    status, deviations = run.process.returncode, []
     if not waited(lambda: not run.alive(), GONE):
-        found.append(f"left behind: {[process.name() for process in run.alive()]}")
-    if "Traceback" in said:
-        found.append(f"a traceback: {said.strip().splitlines()[-1]}")
+        deviations.append(f"left behind: {[process.name() for process in run.alive()]}")
+    if "Traceback" in output:
+        deviations.append(f"a traceback: {output.strip().splitlines()[-1]}")
     written = next(iter(folder.glob("*/*.mcap")), None)
     outcome = None
     if written is not None:
@@ -116,14 +116,14 @@ def complaints(run: Run, folder: Path, target: str, number: signal.Signals) -> l
             outcome = summary.outcome if summary else None
         except UnreadableRecordingError as error:
             if written.stat().st_size > 100_000:
-                found.append(str(error))
+                deviations.append(str(error))
     by_signal = target == "launcher" and status in (-number, 130)
     expected = {exit_status(outcome)} if outcome else {3, exit_status(Outcome.STOPPED)}
     if status not in expected and not by_signal:
-        found.append(f"status {status} for {outcome}: {said.strip()[-200:]!r}")
+        deviations.append(f"status {status} for {outcome}: {output.strip()[-200:]!r}")
     if outcome and not (written and (written.parent / SUMMARY).exists()):
-        found.append(f"no {SUMMARY} beside a whole {RECORDING}")
-    return found
+        deviations.append(f"no {SUMMARY} beside a whole {RECORDING}")
+    return deviations
 
 
 def waited(condition: Callable[[], bool], seconds: float) -> bool:
@@ -148,13 +148,14 @@ def main() -> None:
             run = Run(folder := Path(parent))
             try:
                 struck[blow.name] += strike(run, target, blow, after)
-                found = complaints(run, folder, target, blow)
+                deviations = complaints(run, folder, target, blow)
             finally:
                 run.end()
-        faults += bool(found)
-        if found:
+        faults += bool(deviations)
+        if deviations:
             print(
-                f"{n}: {blow.name} to {target} after {after:.2f} s: {'; '.join(found)}", flush=True
+                f"{n}: {blow.name} to {target} after {after:.2f} s: {'; '.join(deviations)}",
+                flush=True,
             )
     print(f"{number} runs, seed {seed}: {faults} otherwise; sent {dict(struck)}")
     sys.exit(bool(faults))

@@ -32,8 +32,8 @@ def first_to_notice(mutant: Mutant) -> str:
             shutil.copytree(ROOT / name, copy / name)
         shutil.copy(ROOT / "pyproject.toml", copy)
         (copy / mutant.file).write_text(broken(mutant), encoding="utf-8")
-        found = (layer for layer, marked in LAYERS.items() if notices(mutant, copy, marked))
-        return next(found, SURVIVED)
+        layers = (layer for layer, marked in LAYERS.items() if notices(mutant, copy, marked))
+        return next(layers, SURVIVED)
 
 
 def notices(mutant: Mutant, copy: Path, marked: str) -> bool:
@@ -50,14 +50,14 @@ def notices(mutant: Mutant, copy: Path, marked: str) -> bool:
 def main() -> None:
     """Try all, or those whose description contains the word."""
     word = (*sys.argv, "")[1]
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for mutant in MUTANTS:
         if word in mutant.what:
             layer = first_to_notice(mutant)
-            found[layer] += 1
+            counts[layer] += 1
             print(f"{layer:9} {mutant.what}", flush=True)
-    print(f"of {found.total()}: {', '.join(f'{found[layer]} by {layer}' for layer in LAYERS)}")
-    sys.exit(bool(found[SURVIVED]))
+    print(f"of {counts.total()}: {', '.join(f'{counts[layer]} by {layer}' for layer in LAYERS)}")
+    sys.exit(bool(counts[SURVIVED]))
 
 
 if __name__ == "__main__":

@@ -50,10 +50,8 @@ def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
             command.append(secret.hex())
         attacker = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
         assert attacker.stdout
-        said = [attacker.stdout.readline()]
-        listening = threading.Thread(
-            target=lambda lines: said.extend(lines), args=(attacker.stdout,)
-        )
+        lines = [attacker.stdout.readline()]
+        listening = threading.Thread(target=lines.extend, args=(attacker.stdout,))
         listening.start()
         try:
             policy = CommandPolicy(speed=SPEED)
@@ -63,7 +61,7 @@ def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
             attacker.kill()
             attacker.wait()
             listening.join()
-    return _outcome(said, summary)
+    return _outcome(lines, summary)
 
 
 def attacked_with_certificates(attack: str) -> Outcome:
@@ -80,27 +78,27 @@ def result(outcome: Outcome, calm: Summary) -> str:
     """The last two cells of an attack's row."""
     summary = outcome.summary
     same = summary.trajectory == calm.trajectory
-    found = f"{summary.outcome}, {'same' if same else 'another'} trajectory"
+    effect = f"{summary.outcome}, {'same' if same else 'another'} trajectory"
     if same and summary.outcome == calm.outcome:
-        found = "unchanged"
+        effect = "unchanged"
     if summary.punctuality is not None:
-        kept = summary.punctuality
-        found = f"{summary.outcome}, {kept.missed} of {kept.samples + kept.missed} samples missed"
+        missed, samples = summary.punctuality.missed, summary.punctuality.samples
+        effect = f"{summary.outcome}, {missed} of {samples + missed} samples missed"
     refused = ", ".join(f"{n} {reason}" for reason, n in summary.rejected.items())
     if not outcome.let_in:
         refused = "not admitted"
     if outcome.read:
         refused = f"{refused}; it read {outcome.read} messages"
-    return f"{found} | {refused or 'none'}"
+    return f"{effect} | {refused or 'none'}"
 
 
 def read_table(lines: Iterable[str]) -> dict[str, str]:
     """The result of each attack in a table that was printed before."""
-    found = {}
+    results = {}
     for line in lines:
         who, attacks, last = line.strip("| ").split(" | ", 2)
-        found.update({f"{who}: {attack}": last for attack in attacks.split("; ")})
-    return found
+        results.update({f"{who}: {attack}": last for attack in attacks.split("; ")})
+    return results
 
 
 def table_of(results: Mapping[str, str]) -> list[str]:
@@ -133,8 +131,8 @@ def main() -> None:
         if attack in ATTACKS:
             outcome = attacked(attack, scenario)
         elif attack in readers.READERS:
-            said, summary = readers.attacked(attack)
-            outcome = Outcome(set(said) <= {UNDER_WAY}, 0, summary)
+            lines, summary = readers.attacked(attack)
+            outcome = Outcome(set(lines) <= {UNDER_WAY}, 0, summary)
             calm = calm_run(readers.scenario_of(attack))
         else:
             outcome = attacked_with_certificates(attack)
@@ -142,8 +140,8 @@ def main() -> None:
         print(attack, results[attack], sep=" | ", flush=True)
         if outcome.summary.outcome == "broken":
             print(outcome.summary.reason)
-    kept = {name: results[name] for name in every if name in results}
-    table = "\n".join([BEGIN, *HEAD, *table_of(kept), END])
+    ordered = {name: results[name] for name in every if name in results}
+    table = "\n".join([BEGIN, *HEAD, *table_of(ordered), END])
     PAGE.write_text(f"{before}{table}{after}", encoding="utf-8")
 
 

@@ -109,8 +109,8 @@ def searched(table: dict[str, Any], options: Options, folder: Path) -> Attacked:
 
 def shrunk(table: dict[str, Any], searches: list[Attacked]) -> str:
     """Return the number of values of the first attack found, before and after shrinking."""
-    for found in searches:
-        for _, find, path in found.finds:
+    for search in searches:
+        for _, find, path in search.finds:
             if find.row.outcome == Outcome.VIOLATED:
                 before, after = smallest(read_table(path), table).sizes
                 return f"{before} → {after}"
@@ -121,10 +121,10 @@ def in_words(histories: Sequence[History]) -> str:
     """Return how many searches found a violated run, and the median number of runs to it."""
     most = max(len(history.finds) for history in histories)
     firsts = [float(h.violated[0].number) if h.violated else float("inf") for h in histories]
-    found = sum(first < float("inf") for first in firsts)
+    successes = sum(first < float("inf") for first in firsts)
     median = statistics.median(firsts)
     middle = f"{median:g}" if median < float("inf") else f"more than {most}"
-    return f"{found} of {len(firsts)}, {middle}"
+    return f"{successes} of {len(firsts)}, {middle}"
 
 
 def main() -> None:

@@ -132,10 +132,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         for name in filter(lambda name: asked.only in name, LASTS):
             cut, folder = {"duration": LASTS[name]}, (asked.out or Path(temporary)) / name
-            found = attack(name, cut, options, folder=folder, workers=asked.workers)
-            searched, chance = compared[name] = both(found.histories)
+            searches = attack(name, cut, options, folder=folder, workers=asked.workers)
+            searched, chance = compared[name] = both(searches.histories)
             base = tomllib.loads((folder / DECLARATION).read_text(encoding="utf-8"))["scenario"]
-            early = sum(is_early(find, base) for each in found.histories for find in each.violated)
+            early = sum(
+                is_early(find, base) for each in searches.histories for find in each.violated
+            )
             wrong = searched.wrong + chance.wrong
             errors += wrong + early
             cells = f"`{name}`", in_words(searched), in_words(chance), str(wrong), str(early)

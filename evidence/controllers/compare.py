@@ -68,14 +68,14 @@ def main() -> None:
     arguments.add_argument("--whole", action="store_true", help="whole runs")
     options = arguments.parse_args()
     names = options.only or list(SCENARIOS)
-    found = {
+    results = {
         (seed, name, title): of_run(seed, name, title, options.whole)
         for seed, name, title in itertools.product(range(options.seeds), names, CONTROLLERS)
     }
     for name in names:
         print(f"{name}, {options.seeds} seeds\n\n{_HEAD}")
         for title in CONTROLLERS:
-            print(row(title, [found[seed, name, title] for seed in range(options.seeds)]))
+            print(row(title, [results[seed, name, title] for seed in range(options.seeds)]))
         print(flush=True)
 
 
@@ -124,10 +124,10 @@ _HEAD = (
 )
 
 
-def row(title: str, found: list[Result | None]) -> str:
+def row(title: str, results: list[Result | None]) -> str:
     """Return a controller's row: sums of the verdicts, the largest h_tot, means, least distance."""
-    some = [result for result in found if result is not None]
-    if len(some) < len(found):
+    some = [result for result in results if result is not None]
+    if len(some) < len(results):
         return f"| {title} | does not fit |{' |' * (5 + len(METRICS))}"
     counts = Counter(result.outcome for result in some)
     share = statistics.mean(r.certified for r in some)

@@ -22,6 +22,6 @@ class Shield:
                 if longest >= self.wanted:
                     return best
                 u = (1.0 - share) * nominal + share * corner
-                if (found := view.certified(u)) > longest:
-                    best, longest = u, found
+                if (horizon := view.certified(u)) > longest:
+                    best, longest = u, horizon
         return best

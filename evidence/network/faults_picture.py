@@ -43,7 +43,7 @@ def main() -> None:
         figure.savefig(FOLDER / f"faults-{name}.png", dpi=80)
 
 
-def picture(gallery: Gallery, left: "Panel") -> Figure:
+def picture(gallery: Gallery, panel: "Panel") -> Figure:
     """Draw each fault's effect on one agent, and next to it the effect on the swarm."""
     rows = -(-len(gallery.faults) // ACROSS)
     size = (12.0, 1.25 * rows + 0.5)
@@ -54,23 +54,23 @@ def picture(gallery: Gallery, left: "Panel") -> Figure:
         beside = gallery.calm(name)
         without = calm.setdefault(repr(beside), run(gallery, beside))
         faulty = run(gallery, fault)
-        for axes, draw in zip(pair, (left, draw_closest), strict=True):
+        for axes, draw in zip(pair, (panel, draw_closest), strict=True):
             style_axes(axes)
             axes.tick_params(labelsize=8)
             shade(axes, fault, gallery.without)
             draw(axes, faulty, without)
         pair[0].set_title(name, loc="left", fontsize=9)
-    drawn = panels[: len(gallery.faults)]
+    used = panels[: len(gallery.faults)]
     for axes in panels[len(gallery.faults) :].ravel():
         axes.set_visible(False)
-    for axes in drawn[-ACROSS:].ravel():
+    for axes in used[-ACROSS:].ravel():
         axes.set_xlabel("t [s]", fontsize=8)
         axes.tick_params(labelbottom=True)
-    align(drawn[:, 1])
-    for axes in drawn[:, 1]:
+    align(used[:, 1])
+    for axes in used[:, 1]:
         axes.axhspan(axes.get_ylim()[0], SAFE, color=PEAK, alpha=0.12, linewidth=0)
-    if left is draw_path:
-        align(drawn[:, 0])
+    if panel is draw_path:
+        align(used[:, 0])
     return figure
 
 
@@ -101,19 +101,19 @@ Panel = Callable[[Axes, phalanx.Run, phalanx.Run], None]
 
 def draw_closest(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """Draw the distance of the two closest agents [m]."""
-    for each, colour in ((without, MUTED), (faulty, LIMIT)):
-        apart = np.sqrt(
-            SAFE**2 - each.h.drop("run", "scenario", "seed", "t").to_numpy().max(axis=1)
+    for run, colour in ((without, MUTED), (faulty, LIMIT)):
+        distances = np.sqrt(
+            SAFE**2 - run.h.drop("run", "scenario", "seed", "t").to_numpy().max(axis=1)
         )
-        axes.plot(each.h["t"], apart, color=colour, linewidth=1.2)
-    axes.set_ylim(bottom=min(0.7, 0.95 * apart.min()))
+        axes.plot(run.h["t"], distances, color=colour, linewidth=1.2)
+    axes.set_ylim(bottom=min(0.7, 0.95 * distances.min()))
     axes.set_ylabel("closest [m]", fontsize=8)
 
 
 def draw_delays(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """Draw the delay of each broadcast to the peer [ms]; red, above: lost ones."""
-    for each, colour in ((without, MUTED), (faulty, LIMIT)):
-        links = heard(each)
+    for run, colour in ((without, MUTED), (faulty, LIMIT)):
+        links = heard(run)
         came = links.filter(~links["lost"])
         axes.plot(came["t"], 1e3 * came["delay"], ".", color=colour, markersize=2.5)
     top = max(25.0, axes.get_ylim()[1])
@@ -137,10 +137,10 @@ def heard(run: phalanx.Run) -> pl.DataFrame:
 
 def draw_path(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """The agent's second coordinate [m]; a dot at each of its samples."""
-    for each, colour in ((without, MUTED), (faulty, LIMIT)):
-        t, y = position(each)
+    for run, colour in ((without, MUTED), (faulty, LIMIT)):
+        t, y = position(run)
         axes.plot(t, y, color=colour, linewidth=0.9)
-        samples = each.inputs.filter(agent=AGENT)["t"].to_numpy()
+        samples = run.inputs.filter(agent=AGENT)["t"].to_numpy()
         axes.plot(samples, np.interp(samples, t, y), ".", color=colour, markersize=3.0)
     axes.set_ylabel("way [m]", fontsize=8)
 
@@ -159,8 +159,8 @@ def draw_told(axes: Axes, faulty: phalanx.Run, _: phalanx.Run) -> None:
     axes.step(*applied, where="post", color=LIMIT, linewidth=0.7)
     axes.plot(*applied, ".", color=LIMIT, markersize=3.0)
     of_peer = [step for step in faulty.recording.steps if step.agent == PEER]
-    told = [(t, u[1]) for step in of_peer for name, _, t, u in step.false if name == AGENT]
-    axes.plot(*np.array(told).reshape(-1, 2).T, "x", color=PEAK, markersize=3.5)
+    false_inputs = [(t, u[1]) for step in of_peer for name, _, t, u in step.false if name == AGENT]
+    axes.plot(*np.array(false_inputs).reshape(-1, 2).T, "x", color=PEAK, markersize=3.5)
     draw_lost(axes, faulty)
     axes.set_xlim(*ZOOM)
     axes.set_ylim(-2.5, 3.2)

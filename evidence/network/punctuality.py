@@ -41,14 +41,17 @@ def main() -> None:
         summary = run.summary
         assert summary is not None
         assert summary.punctuality is not None
-        found = summary.punctuality
+        punctuality = summary.punctuality
         if number == 0:
-            print("".join(f" {m.name} [ms] |" for m in found.measured), "verdict, largest h |")
-            print("|---" * (5 + len(found.measured)) + "|")
+            print(
+                "".join(f" {m.name} [ms] |" for m in punctuality.measured), "verdict, largest h |"
+            )
+            print("|---" * (5 + len(punctuality.measured)) + "|")
         times = (
-            f"{1e3 * m.p50:.2f}, {1e3 * m.p99:.2f}, {1e3 * m.most:.1f}" for m in found.measured
+            f"{1e3 * m.p50:.2f}, {1e3 * m.p99:.2f}, {1e3 * m.most:.1f}"
+            for m in punctuality.measured
         )
-        counts = f"{found.samples} | {found.missed} | {found.late}"
+        counts = f"{punctuality.samples} | {punctuality.missed} | {punctuality.late}"
         verdict = f"{summary.outcome}, {summary.largest_h_tot:.2f}"
         title = f"`{paced.name}`, {paced.duration:g} s at {paced.factor:g}"
         print(f"| {title} | {counts} | {' | '.join(times)} | {verdict} |", flush=True)

@@ -45,8 +45,8 @@ def main() -> None:
     print("| agent | killed | joined again | on its input | at its worst | worst h_tot | verdict |")
     print("|---|---|---|---|---|---|---|")
     for agent in options.agents:
-        found = line(agent, options.instants, options.engine)
-        cells = (f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in found)
+        result = line(agent, options.instants, options.engine)
+        cells = (f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in result)
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
@@ -61,19 +61,19 @@ def line(agent: str, instants: int, engine: str) -> Line:
     summary = run.summary
     assert summary is not None
     steps = run.recording.steps
-    own = {step.t for step in steps if step.agent == agent}
+    step_times = {step.t for step in steps if step.agent == agent}
     meanwhile = [s for s in others(run, agent) if any(t < s.t < t + DOWN for t in times)]
     failed = {a.name: a.failed for a in (*summary.assumptions, *summary.theorem) if a.failed}
-    shown = ("sampling gap", "certificates", "faithful agents")
+    assumptions = ("sampling gap", "certificates", "faithful agents")
     clock = run.scenario.agents[0].clock
     return Line(
         agent,
         sum(fault.count for fault in summary.faults),
-        sum(fault["at"] + DOWN in own for fault in kills),
+        sum(fault["at"] + DOWN in step_times for fault in kills),
         sum(old(step, agent, clock.period - clock.jitter) for step in meanwhile),
         sum(agent not in dict(step.ages) for step in meanwhile),
         summary.largest_h_tot,
-        f"{summary.outcome}: " + ", ".join(f"{n} {failed[n]}" for n in shown if n in failed),
+        f"{summary.outcome}: " + ", ".join(f"{n} {failed[n]}" for n in assumptions if n in failed),
     )
 
 

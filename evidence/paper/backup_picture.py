@@ -48,10 +48,10 @@ def main() -> None:
     arguments.add_argument("picture", type=Path)
     arguments.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     options = arguments.parse_args()
-    found = backup_slice(build_rows(build_swarm(load(options.scenario, options.set))))
-    if found is None:
+    plane = backup_slice(build_rows(build_swarm(load(options.scenario, options.set))))
+    if plane is None:
         raise SystemExit("expected two agents with states x and y")
-    backup_figure(found).savefig(options.picture, dpi=110)
+    backup_figure(plane).savefig(options.picture, dpi=110)
 
 
 def backup_slice(rows: SafetyRows) -> Slice | None:
@@ -72,23 +72,23 @@ def backup_slice(rows: SafetyRows) -> Slice | None:
     half = 4.0 * _required_distance(moved)
     offsets = np.linspace(-half, half, _CELLS)
     dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
-    psi, left = moved(np.column_stack([dx.ravel(), dy.ravel()]))
-    inside = np.where(left <= 0, _SUFFICES, _TOO_LATE)
+    psi, residual = moved(np.column_stack([dx.ravel(), dy.ravel()]))
+    inside = np.where(residual <= 0, _SUFFICES, _TOO_LATE)
     results = np.where((psi > 0).any(axis=1), _UNSAFE, inside).reshape(dx.shape)
     return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), results)
 
 
-def backup_figure(found: Slice) -> Figure:
+def backup_figure(plane: Slice) -> Figure:
     """Draw the slice."""
     figure = Figure(figsize=(6.4, 5.2), layout="constrained", facecolor="white")
     axes = figure.subplots()
     style_axes(axes)
     colours = [_LOOKS[k][0] for k in sorted(_LOOKS)]
-    axes.pcolormesh(*found.axes, found.results, cmap=ListedColormap(colours), vmin=0, vmax=2)
+    axes.pcolormesh(*plane.axes, plane.results, cmap=ListedColormap(colours), vmin=0, vmax=2)
     axes.plot(0, 0, marker="o", color="#1f5fbf")
-    axes.annotate(found.normal, (0, 0), textcoords="offset points", xytext=(6, 4))
+    axes.annotate(plane.normal, (0, 0), textcoords="offset points", xytext=(6, 4))
     axes.set_aspect("equal")
-    axes.set_xlabel(f"position of agent {found.other} relative to {found.normal}: Δx [m]")
+    axes.set_xlabel(f"position of agent {plane.other} relative to {plane.normal}: Δx [m]")
     axes.set_ylabel("Δy [m]")
     handles = [Patch(color=colour, label=label) for colour, label in _LOOKS.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=1, frameon=False)
@@ -104,7 +104,7 @@ class _Moved:
         self._helping = [not swarm.members[l].adversary for l in ends]
         self._start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in ends])
         states = swarm.members[ends[1]].dynamics.states
-        self._place = [self._parts[1].start + states.index(s) for s in "xy"]
+        self._axes = [self._parts[1].start + states.index(s) for s in "xy"]
         unforced, margin = (
             ca.sum1(chain.drift) + chain.alpha,
             rows.margin(ends[0]).of(chain, 0, RowPart.WHOLE),
@@ -120,10 +120,10 @@ class _Moved:
         offsets: the second member's position from the first's [m], shape (s, 2).
         """
         x = np.tile(self._start, (len(offsets), 1))
-        x[:, self._place] = self._start[:2] + offsets
-        found = self._evaluate(x.ravel(), np.arange(x.size).reshape(x.shape))
-        psi, left, *c = np.split(found, self._columns, axis=1)
-        total = left[:, 0]
+        x[:, self._axes] = self._start[:2] + offsets
+        values = self._evaluate(x.ravel(), np.arange(x.size).reshape(x.shape))
+        psi, residual, *c = np.split(values, self._columns, axis=1)
+        total = residual[:, 0]
         for l, part, forces, helps in zip(self._ends, self._parts, c, self._helping, strict=True):
             extremes = self._members.extremes(l, x[:, part], forces)
             total = total + extremes[:, 0 if helps else 1]

@@ -91,7 +91,7 @@ class Pair:
         pair = composed.alone(1 if obstacle else 0)
         self.parts = pair.parts
         bounds = [kind.bound] * len(pair.members)
-        horizon, left = ca.SX.sym("T"), ca.SX.sym("left")
+        horizon, rest = ca.SX.sym("T"), ca.SX.sym("rest")
         moving = [
             enclose(m, pair.x[p], admissible_inputs(m) if l else None, b, horizon, INFLATIONS)
             for l, (m, p, b) in enumerate(zip(pair.members, pair.parts, bounds, strict=True))
@@ -103,9 +103,9 @@ class Pair:
         rates = ca.vertcat(*[e.rate for e in moving])
         drift = ca.substitute(ca.substitute(rates, u, 0 * u), phi, 0 * phi)
         # What is left of V's drift at the end counts too: so inputs that V' lacks have a direction.
-        pull = ca.jacobian(V + left * (ca.jacobian(V, pair.x) @ drift), pair.x)
+        pull = ca.jacobian(V + rest * (ca.jacobian(V, pair.x) @ drift), pair.x)
         force = (pull @ ca.jacobian(rates, u)).T
-        self.pull = ca.Function("pull", [pair.x, left], [pull.T, force])
+        self.pull = ca.Function("pull", [pair.x, rest], [pull.T, force])
         self.step = _runge_kutta(pair.x, u, phi, rates)
         self.value = ca.Function("V", [pair.x], [V])
         self.corners = [_corners(m.dynamics) for m in pair.members]
@@ -123,7 +123,7 @@ class Pair:
         """The largest share of the bound that each trajectory uses; of those that have one."""
         x, chosen = self.states(rng, count), rng.integers(len(self.corners[0]), size=count)
         held = (self.corners[0][chosen] * rng.uniform(0, 1, (count, 1))).T
-        value, rate, disturbance, bend, known = np.array(self.bound(x, held, horizon))
+        value, rate, disturbance, bend, bounded = np.array(self.bound(x, held, horizon))
         largest, dt = np.full(count, -np.inf), horizon / STEPS
         for k in range(STEPS):
             pull, force = (np.array(a) for a in self.pull(x, horizon - k * dt))
@@ -133,8 +133,8 @@ class Pair:
             t = dt * (k + 1)
             beyond = np.array(self.value(x))[0] - value - t * rate
             largest = np.maximum(largest, beyond / (t * disturbance + t * t / 2 * bend))
-        found: Array = largest[known == 1.0]
-        return found
+        shares: Array = largest[bounded == 1.0]
+        return shares
 
     def _others(self, rng: np.random.Generator, force: Array, greedy: bool) -> Array:
         if len(self.corners) == 1:
@@ -161,9 +161,9 @@ def _runge_kutta(x: ca.SX, u: ca.SX, phi: ca.SX, rates: ca.SX) -> ca.Function:
 
 
 def _corners(dynamics: Dynamics) -> Array:
-    known = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
-    assert known is not None
-    return known.corners
+    polytope = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
+    assert polytope is not None
+    return polytope.corners
 
 
 def bound_table(trajectories: int) -> None:
@@ -174,26 +174,26 @@ def bound_table(trajectories: int) -> None:
         for degree in sorted({0, len(kind.alphas) - 1})
         for obstacle in (False, True)
     ]
-    each = -(-trajectories // (len(lines) * 8))
+    share = -(-trajectories // (len(lines) * 8))
     print("| dynamics | q | V | other | trajectories | random: largest, median | greedy |")
     print("|---|---|---|---|---|---|---|")
     total, worst = 0, -np.inf
     for name, degree, obstacle in lines:
         kind, rng = KINDS[name], np.random.default_rng(len(name) + degree)
-        pair, shown, count = Pair(kind, degree, obstacle), [], 0
+        pair, columns, count = Pair(kind, degree, obstacle), [], 0
         for greedy in (False, True):
             used = np.concatenate(
                 [
                     pair.used(rng, multiple * kind.tau, greedy, size)
                     for multiple in (1, 2, 4, 8)
-                    for size in _batches(each)
+                    for size in _batches(share)
                 ]
             )
             count, worst = count + len(used), max(worst, float(used.max()))
-            shown.append(f"{used.max():.3f}, {np.median(used):.3f}")
+            columns.append(f"{used.max():.3f}, {np.median(used):.3f}")
         total += count
         V, other = (f"ψ_{degree}" if degree else "h"), "obstacle" if obstacle else "adversary"
-        print(f"| {name} | {len(kind.alphas)} | {V} | {other} | {count} | {' | '.join(shown)} |")
+        print(f"| {name} | {len(kind.alphas)} | {V} | {other} | {count} | {' | '.join(columns)} |")
     print(f"\n{total} trajectories, largest {worst:.6f}", flush=True)
 
 
@@ -249,13 +249,13 @@ def run_table(seeds: int) -> None:
     print("|---|---|---|---|---|---|")
     for name, overrides in cases:
         for seed in range(seeds):
-            found = certify(name, overrides, seed)
+            result = certify(name, overrides, seed)
             warning = "-"
-            if found.violation is not None:
-                ahead = None if found.first is None else found.violation - found.first
+            if result.violation is not None:
+                ahead = None if result.first is None else result.violation - result.first
                 warning = "none" if ahead is None else f"{ahead * 1e3:.0f}"
             label = " ".join([name, *overrides])
-            numbers = f"{found.samples} | {found.share:.2%} | {found.shortest:.2f}"
+            numbers = f"{result.samples} | {result.share:.2%} | {result.shortest:.2f}"
             print(f"| {label} | {seed} | {numbers} | {warning} |", flush=True)
 
 

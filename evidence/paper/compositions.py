@@ -73,11 +73,11 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
 
 def runs(name: str, variant: str, seeds: int) -> str:
     """The row of one variant, over all seeds."""
-    each = [
+    summaries = [
         measure(simulated(name, VARIANTS[variant], seed))
         for seed in track(range(seeds), f"{name}: {variant}", console=Console(stderr=True))
     ]
-    return row(variant, each)
+    return row(variant, summaries)
 
 
 def margins(name: str) -> list[str]:
@@ -105,9 +105,9 @@ def margins_of(recording: Recording) -> Array:
     i = swarm.normal[0]
     states = {state.t: np.array(state.x) for state in recording.states}
     sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
-    each = rows.pair_terms(i)
-    found = (each(x, swarm.seen(i, x)) for x in sampled)
-    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in found])
+    pair_terms = rows.pair_terms(i)
+    terms_of = (pair_terms(x, swarm.seen(i, x)) for x in sampled)
+    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in terms_of])
 
 
 def _formula(found: Formula) -> str:

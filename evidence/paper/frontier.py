@@ -89,26 +89,26 @@ def main() -> None:
     arguments.add_argument("--duration", type=float, default=8.0)
     arguments.add_argument("--out", type=Path, default=Path("docs/images/frontier.png"))
     options = arguments.parse_args()
-    known: dict[tuple[str, ...], Point] = {}
+    cache: dict[tuple[str, ...], Point] = {}
 
     def point(*overrides: str) -> Point:
-        if overrides not in known:
+        if overrides not in cache:
             common = [*BESET, f"duration={options.duration}", *overrides]
             runs = [measure(simulated("guaranteed", common, s)) for s in range(options.seeds)]
-            known[overrides] = summed(runs)
-        return known[overrides]
+            cache[overrides] = summed(runs)
+        return cache[overrides]
 
     print("| varied | value | margin | guaranteed | empty K_i | cost |\n|---|---|---|---|---|---|")
     unproven = point(*UNPROVEN)
     print(line("-", "-", "none proven", unproven), flush=True)
-    found: dict[tuple[str, str], list[Point]] = {}
+    points: dict[tuple[str, str], list[Point]] = {}
     for axis, value, margin in track(list(_grid()), console=Console(stderr=True)):
         # The shipped value is every axis' own: one run for all of them.
         varied = [] if value == axis.shipped else axis.overrides(value)
-        each = point(f"safety.margin={margin}", *varied)
-        found.setdefault((axis.name, margin), []).append(each)
-        print(line(axis.name, f"{value:g}", margin, each), flush=True)
-    picture(found, unproven).savefig(options.out, dpi=110)
+        sums = point(f"safety.margin={margin}", *varied)
+        points.setdefault((axis.name, margin), []).append(sums)
+        print(line(axis.name, f"{value:g}", margin, sums), flush=True)
+    picture(points, unproven).savefig(options.out, dpi=110)
 
 
 def _grid() -> Iterator[tuple[Axis, float, str]]:
@@ -131,17 +131,17 @@ def line(varied: str, value: str, margin: str, point: Point) -> str:
     return f"| {varied} | {value} | {margin} | {verdicts} | {point.empty:.2%} | {point.cost:.2f} |"
 
 
-def picture(found: dict[tuple[str, str], list[Point]], unproven: Point) -> Figure:
+def picture(results: dict[tuple[str, str], list[Point]], unproven: Point) -> Figure:
     """A column for each parameter: cost above, share of empty K_i below; hollow: not guaranteed."""
     figure = Figure(figsize=(13.0, 5.0), layout="constrained", facecolor="white")
     grid = figure.subplots(2, len(AXES), sharex="col", sharey="row", squeeze=False)
     for column, axis in enumerate(AXES):
         cost, empty = grid[:, column]
         for margin, colour in MARGINS.items():
-            points = found[axis.name, margin]
-            kept = [p.guaranteed == p.runs for p in points]
-            _draw(cost, axis.values, [p.cost for p in points], kept, colour, margin)
-            _draw(empty, axis.values, [100 * p.empty for p in points], kept, colour, margin)
+            points = results[axis.name, margin]
+            proven = [p.guaranteed == p.runs for p in points]
+            _draw(cost, axis.values, [p.cost for p in points], proven, colour, margin)
+            _draw(empty, axis.values, [100 * p.empty for p in points], proven, colour, margin)
         cost.axhline(unproven.cost, color=MUTED, linestyle="--", label="paper's η and α")
         cost.axvline(axis.shipped, color=MUTED, linewidth=0.6)
         empty.axvline(axis.shipped, color=MUTED, linewidth=0.6)
@@ -156,13 +156,13 @@ def _draw(
     axes: Axes,
     x: tuple[float, ...],
     y: list[float],
-    kept: list[bool],
+    proven: list[bool],
     colour: str,
     name: str,
 ) -> None:
     style_axes(axes)
     axes.plot(x, y, color=colour, label=name)
-    faces = [colour if each else "white" for each in kept]
+    faces = [colour if each else "white" for each in proven]
     axes.scatter(x, y, color=faces, edgecolors=colour, zorder=3)
 
 

@@ -70,7 +70,7 @@ class Chance:
         return bool(self._draws[next(self._row)][0] < probability)
 
 
-def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
+def random_scenario(index: int) -> tuple[dict[str, Any], CommandPolicy]:
     """The scenario with this index, as a table, and what is done to it."""
     chance = Chance(index)
     q = chance.of([1, 1, 2, 2, 3])
@@ -81,7 +81,7 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
     counts = chance.of([1, 2, 3]), chance.of([0, 1, 1, 2])
     if small := q == 3 and safety["margin"] != "paper":  # others take minutes to compile
         counts = 1, 1
-    places = _places(chance, sum(counts), radius, planar)
+    positions = _positions(chance, sum(counts), radius, planar)
     reach = radius * chance.uniform(1.0, 3.0)
     agents: list[dict[str, Any]] = []
     begin = 0
@@ -91,12 +91,12 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
             continue
         model = chance.of(models)
         names = [str(k) for k in range(begin, begin + count)]
-        starts = [_state(chance, model, p) for p in places[begin : begin + count]]
+        starts = [_state(chance, model, p) for p in positions[begin : begin + count]]
         agents.append(
             {
                 "names": names,
                 "role": role,
-                "dynamics": _dynamics(chance, model, len(places[0])),
+                "dynamics": _dynamics(chance, model, len(positions[0])),
                 "law": _law(chance, role, q),
                 "clock": clock if chance.happens(0.5) else _clock(chance),
                 "disturbance": _disturbance(chance),
@@ -119,7 +119,7 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
         "safety": safety,
         "network": network,
         "formation": {
-            "path": [[0.0] * len(places[0]), [reach, *[0.0] * (len(places[0]) - 1)]],
+            "path": [[0.0] * len(positions[0]), [reach, *[0.0] * (len(positions[0]) - 1)]],
             "finish": duration,
             "radius": reach,
             "slots": sum(counts),
@@ -130,18 +130,18 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
     return table, _commands(chance, duration, [n for a in agents for n in a["names"]])
 
 
-def _places(chance: Chance, count: int, radius: float, planar: bool) -> list[list[float]]:
+def _positions(chance: Chance, count: int, radius: float, planar: bool) -> list[list[float]]:
     """Starts, most of them outside one another's radius."""
     size = 1.6 * radius * np.sqrt(count)
-    found: list[list[float]] = []
+    positions: list[list[float]] = []
     for _ in range(count):
         for _attempt in range(30):
             p = [chance.uniform(-size, size) for _ in range(2 if planar else 3)]
-            apart = [np.linalg.norm(np.subtract(p, other)) for other in found]
-            if min(apart, default=np.inf) > 1.3 * radius:
+            distances = [np.linalg.norm(np.subtract(p, other)) for other in positions]
+            if min(distances, default=np.inf) > 1.3 * radius:
                 break
-        found.append(p)
-    return found
+        positions.append(p)
+    return positions
 
 
 def _state(chance: Chance, model: str, p: list[float]) -> list[float]:
@@ -270,14 +270,14 @@ class WatchingJudge(Judge):
         for steps in self.evaluation.of([event.history]):
             certified = self.coverage.ends[steps.pairs] >= steps.times[:, None]
             self.compared += int(certified.sum())
-            for step, place in np.argwhere(certified & ~(steps.h <= 0.0)):
-                at, h = float(steps.times[step]), float(steps.h[step, place])
-                self.wrong.append((at, self.extremes.label(int(steps.pairs[place])), h))
+            for step, column in np.argwhere(certified & ~(steps.h <= 0.0)):
+                at, h = float(steps.times[step]), float(steps.h[step, column])
+                self.wrong.append((at, self.extremes.label(int(steps.pairs[column])), h))
         return super()._reached(event, number)
 
 
 @dataclass
-class Seen:
+class Result:
     """One run."""
 
     index: int
@@ -302,9 +302,9 @@ class Seen:
         return f"judge alone: {self.beyond}" if judged else "checker alone"
 
 
-def run(index: int, folder: Path) -> Seen:
+def run(index: int, folder: Path) -> Result:
     """Run one scenario and have it checked. Raises ScenarioError."""
-    table, policy = drawn(index)
+    table, policy = random_scenario(index)
     scenario = load(table)
     out = folder / str(index)
     out.mkdir()
@@ -323,7 +323,7 @@ def run(index: int, folder: Path) -> Seen:
         checked = " ".join(str(error).split(", at t")[0].split()[2:])
     kind = f"{len(scenario.safety.alpha)} | {scenario.safety.margin}"
     beyond = "it tries ψ_{q-1} too" if len(scenario.safety.alpha) > 1 else "other"
-    return Seen(index, summary, judge.compared, judge.wrong, checked, kind, beyond)
+    return Result(index, summary, judge.compared, judge.wrong, checked, kind, beyond)
 
 
 def main() -> None:
@@ -334,32 +334,32 @@ def main() -> None:
     arguments.add_argument("--index", type=int, help="print this scenario, and run it alone")
     options = arguments.parse_args()
     if options.index is not None:
-        print(*drawn(options.index), sep="\n")
+        print(*random_scenario(options.index), sep="\n")
         options.first, options.count = options.index, 1
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    runs: list[Seen] = []
+    runs: list[Result] = []
     refused: Counter[str] = Counter()
     try:
         for index in range(options.first, options.first + options.count):
             with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
                 try:
-                    seen = run(index, Path(folder))
+                    result = run(index, Path(folder))
                 except ScenarioError as error:
                     refused[str(error).strip().splitlines()[-1].split(": ", 1)[-1][:90]] += 1
                     continue
-            if seen.summary.outcome is Outcome.STOPPED:
+            if result.summary.outcome is Outcome.STOPPED:
                 break
-            runs.append(seen)
-            print(index, seen.summary.outcome, seen.agreement, file=sys.stderr, flush=True)
-            for t, pair, h in seen.wrong[:3]:
+            runs.append(result)
+            print(index, result.summary.outcome, result.agreement, file=sys.stderr, flush=True)
+            for t, pair, h in result.wrong[:3]:
                 print(f"WRONG: {pair} at t = {t} s has h = {h}", file=sys.stderr, flush=True)
-            if seen.summary.outcome is Outcome.BROKEN or "alone" in seen.agreement:
-                print(f"  {seen.summary.reason}; {seen.checked}", file=sys.stderr, flush=True)
+            if result.summary.outcome is Outcome.BROKEN or "alone" in result.agreement:
+                print(f"  {result.summary.reason}; {result.checked}", file=sys.stderr, flush=True)
     finally:  # also if it is stopped
         report(runs, refused)
 
 
-def report(runs: Sequence[Seen], refused: Counter[str]) -> None:
+def report(runs: Sequence[Result], refused: Counter[str]) -> None:
     """The tables."""
     outcomes = [Outcome.GUARANTEED, Outcome.SAFE, Outcome.VIOLATED, Outcome.BROKEN]
     print(f"| q | margin | runs | {' | '.join(outcomes)} | above 0 while certified |")

@@ -70,19 +70,21 @@ def command(name: str, variants: Mapping[str, Variant], page: Callable[[Results]
     folder = KEPT / name
     folder.mkdir(parents=True, exist_ok=True)
     chosen = options.only or list(variants)
-    wanted = [(kept(folder, v, seed), v, seed) for seed in range(options.seeds) for v in chosen]
-    missing = [job for job in wanted if not job[0].exists()]
+    jobs = [(path_of(folder, v, seed), v, seed) for seed in range(options.seeds) for v in chosen]
+    missing = [job for job in jobs if not job[0].exists()]
     # A fork would share the state of libraries that start threads.
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool:
         running = [pool.submit(keep, path, variants[v], seed) for path, v, seed in missing]
         done = as_completed(running)
-        for each in track(done, "running", len(running), console=Console(stderr=True)):
-            each.result()
-    options.out.write_text(page(known(folder, variants, range(options.seeds))), encoding="utf-8")
+        for future in track(done, "running", len(running), console=Console(stderr=True)):
+            future.result()
+    options.out.write_text(
+        page(read_results(folder, variants, range(options.seeds))), encoding="utf-8"
+    )
 
 
-def kept(folder: Path, variant: str, seed: int) -> Path:
+def path_of(folder: Path, variant: str, seed: int) -> Path:
     """File of a result."""
     return folder / f"{variant}-{seed}.json"
 
@@ -95,19 +97,19 @@ def keep(path: Path, variant: Variant, seed: int) -> None:
     unfinished.rename(path)
 
 
-def known(folder: Path, variants: Iterable[str], seeds: Iterable[int]) -> Results:
+def read_results(folder: Path, variants: Iterable[str], seeds: Iterable[int]) -> Results:
     """The results that are kept."""
-    found: Results = {}
+    results: Results = {}
     for variant in variants:
-        paths = {seed: kept(folder, variant, seed) for seed in seeds}
+        paths = {seed: path_of(folder, variant, seed) for seed in seeds}
         read = {
             seed: msgspec.json.decode(path.read_bytes(), type=Result)
             for seed, path in paths.items()
             if path.exists()
         }
         if read:
-            found[variant] = read
-    return found
+            results[variant] = read
+    return results
 
 
 def result(scenario: str, overrides: Sequence[str] = (), seed: int | None = None) -> Result:
@@ -149,9 +151,9 @@ def certificates(title: str, results: Mapping[int, Result]) -> str:
     runs = [each.summary for each in results.values()]
     counts = Counter(str(run.outcome) for run in runs)
     verdicts = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
-    found = [run.certificates for run in runs]
-    samples, proven = sum(f.samples for f in found), sum(f.certified for f in found)
-    shortest = min((f.shortest for f in found if f.shortest is not None), default=0.0)
+    proofs = [run.certificates for run in runs]
+    samples, proven = sum(f.samples for f in proofs), sum(f.certified for f in proofs)
+    shortest = min((f.shortest for f in proofs if f.shortest is not None), default=0.0)
     warnings = sorted(1e3 * r.warning for r in results.values() if r.warning is not None)
     late = counts[Outcome.VIOLATED] - sum(each > 0.0 for each in warnings)
     spread_of = (

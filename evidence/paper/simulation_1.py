@@ -58,8 +58,8 @@ def overview(results: Results) -> Iterable[str]:
     """One line for each variant."""
     yield "| variant | max h_tot, least to greatest | empty K_i: least, mean, greatest | with authority | time unsafe [s]: least, mean, greatest |"  # noqa: E501
     yield "|---|---|---|---|---|"
-    for name, found in results.items():
-        runs = [each.summary for each in found.values()]
+    for name, by_seed in results.items():
+        runs = [each.summary for each in by_seed.values()]
         worst = sorted(run.largest_h_tot for run in runs)
         times = [sum(violation.duration for violation in run.violations) for run in runs]
         yield (

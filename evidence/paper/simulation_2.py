@@ -37,7 +37,7 @@ def page(results: Results) -> str:
         "## Verdicts and certificates",
         "",
         *CERTIFICATES,
-        *(certificates(VARIANTS[name].title, found) for name, found in results.items()),
+        *(certificates(VARIANTS[name].title, by_seed) for name, by_seed in results.items()),
         "",
         "Columns are explained for [Simulation 1](simulation-1.md#verdicts-and-certificates).",
         "",
@@ -47,8 +47,8 @@ def page(results: Results) -> str:
         "| with authority |",
         "|---|---|---|---|",
     ]
-    for name, found in results.items():
-        runs = [each.summary for each in found.values()]
+    for name, by_seed in results.items():
+        runs = [each.summary for each in by_seed.values()]
         worst = sorted(run.largest_h_tot for run in runs)
         lines.append(
             f"| {VARIANTS[name].title} | {worst[0]:.1f} to {worst[-1]:.1f} "

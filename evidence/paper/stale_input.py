@@ -77,18 +77,18 @@ def main() -> None:
     models, delays, losses = (
         getattr(options, axis).split(",") for axis in ("models", "delays", "losses")
     )
-    found: dict[tuple[str, str], Certificates] = defaultdict(lambda: NONE)
+    sums: dict[tuple[str, str], Certificates] = defaultdict(lambda: NONE)
     jobs = list(itertools.product(delays, models, losses, range(options.seeds)))
     for delay, model, loss, seed in track(jobs, "running", console=Console(stderr=True)):
         network = [f"network.delay={delay}", f"network.loss={loss}"]
         overrides = [*options.overrides, *rows_with(model), *network]
         of_run = certificates(simulated(options.scenario, overrides, seed).recording)
-        found[delay, model] = found[delay, model].joined(of_run)
+        sums[delay, model] = sums[delay, model].joined(of_run)
     print(f"| delay [s] | {' | '.join(f'`{model}`' for model in models)} |")
     print("|---" * (len(models) + 1) + "|")
     for delay in delays:
-        print(f"| {delay} | {' | '.join(words(found[delay, model]) for model in models)} |")
-    print(f"\n{sum(c.steps for c in found.values())} steps of normal agents.")
+        print(f"| {delay} | {' | '.join(words(sums[delay, model]) for model in models)} |")
+    print(f"\n{sum(c.steps for c in sums.values())} steps of normal agents.")
 
 
 def rows_with(model: str) -> tuple[str, str]:

@@ -158,15 +158,15 @@ def opened(browser: "Browser", port: int, size: tuple[int, int]) -> Iterator["Ta
 
 def settled(tab: "Tab") -> Image.Image:
     """The page once it has not changed for a while: the scene comes in steps."""
-    shown, same = screenshot(tab), 0
+    picture, same = screenshot(tab), 0
     while same < 4:
         tab.wait_for_timeout(1000)
         now = screenshot(tab)
         # The field of view is nudged once a second: edges of lines shimmer by less than is seen.
-        change = ImageChops.difference(now, shown).convert("L").tobytes()
+        change = ImageChops.difference(now, picture).convert("L").tobytes()
         same = same + 1 if max(change) < SHIMMER else 0
-        shown = now
-    return shown
+        picture = now
+    return picture
 
 
 def screenshot(tab: "Tab") -> Image.Image:

@@ -65,15 +65,15 @@ def coordinated(bed: Testbed, out: Path, every: float) -> tuple[int, int]:
         "--dashboard-address", ":0",
     )  # fmt: skip
     workers = deque(bed.start(place, *WORKER) for place in (bed.here, bed.there))
-    places = deque((bed.here, bed.there))
+    hosts = deque((bed.here, bed.there))
     over, killed = threading.Event(), 0
 
     def kill_workers() -> None:
         nonlocal killed
         while not over.wait(every):
             end(workers.popleft())
-            workers.append(bed.start(places[0], *WORKER))
-            places.rotate()
+            workers.append(bed.start(hosts[0], *WORKER))
+            hosts.rotate()
             killed += 1
 
     killing = threading.Thread(target=kill_workers)

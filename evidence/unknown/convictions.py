@@ -43,13 +43,15 @@ def true_motions(name: str, seed: int) -> np.ndarray:
 
 def convicted(size: float) -> float:
     """Return the share of windows that convict a single integrator, φ at random in its ball."""
-    random, own = np.random.default_rng(0), DYNAMICS["single integrator"]
+    random, dynamics = np.random.default_rng(0), DYNAMICS["single integrator"]
     angle, other = random.uniform(0.0, 2.0 * np.pi, size=(2, BATCH))
     off = size * BOUND * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     phi = BOUND * np.sqrt(random.random(BATCH))[:, None]
     phi = phi * np.stack([np.cos(other), np.sin(other)], axis=1)
     x, seconds = np.zeros((BATCH, 2)), np.full((BATCH, 1), 0.01)
-    excess = MotionCheck(own, BOUND).excess(x, 0.01 * (off + phi), np.zeros((BATCH, 1, 2)), seconds)
+    excess = MotionCheck(dynamics, BOUND).excess(
+        x, 0.01 * (off + phi), np.zeros((BATCH, 1, 2)), seconds
+    )
     return float((excess > 0.0).mean())
 
 

@@ -41,20 +41,20 @@ def main() -> None:
 
 def draw(axes: Any, case: Case, rows: pl.DataFrame) -> None:
     """Draw the share of runs with a hijack at any instant, with 95 % intervals."""
-    found = cells(case, rows)
+    cells_of = cells(case, rows)
     for prove, shift, color, label in (
         (False, -SHIFT, "C0", "rows alone"),
         (True, SHIFT, "C1", "and proofs"),
     ):
-        for place, information in enumerate(INFORMATION):
+        for column, information in enumerate(INFORMATION):
             runs = pl.concat(
                 cell
-                for (of, proves, attack), cell in found.items()
+                for (of, proves, attack), cell in cells_of.items()
                 if (of, proves) == (information, prove) and attack.startswith("hijack")
             )
             if len(runs):
                 safe = rate(runs["outcome"] != "violated", runs["seed"])
-                at = place + shift
+                at = column + shift
                 axes.plot([at, at], safe.interval, color=color, lw=3, alpha=0.35)
                 axes.plot(at, safe.share, "o", color=color, ms=4, label=label)
                 label = "_again"

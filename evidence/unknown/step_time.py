@@ -40,19 +40,19 @@ def main() -> None:
 def turns(scenario: str, states: Array) -> list[list[float]]:
     """Return the mean time of a step of agent 1 in each round, by variant [µs]."""
     built = [build_rows(build_swarm(phalanx.load(scenario, v))) for v in VARIANTS.values()]
-    found = []
+    rounds = []
     for _ in range(ROUNDS + 1):
         row = []
         for rows in built:
             swarm, controller = rows.swarm, DistributedController(rows, 0)
-            seen = [swarm.seen(0, x) for x in states]
-            controller(states[0], seen[0], 0.0, {})
+            neighbours = [swarm.seen(0, x) for x in states]
+            controller(states[0], neighbours[0], 0.0, {})
             begun = time.process_time()
             for k, x in enumerate(states):
-                controller(x, seen[k], swarm.groups[0].clock.period * k, {})
+                controller(x, neighbours[k], swarm.groups[0].clock.period * k, {})
             row.append(1e6 * (time.process_time() - begun) / len(states))
-        found.append(row)
-    return found[1:]
+        rounds.append(row)
+    return rounds[1:]
 
 
 if __name__ == "__main__":

@@ -113,11 +113,11 @@ def main() -> None:
 def run(case: Case, folder: Path, asked: argparse.Namespace) -> None:
     """Run what is missing of a scenario's study."""
     attacks = [faults for _, faults in case.attacks()]
-    wanted = attacks if asked.attacks is None else [attacks[place] for place in asked.attacks]
+    chosen = attacks if asked.attacks is None else [attacks[place] for place in asked.attacks]
     points = [
         point
         for point in case.points()
-        if point["faults"] in wanted and not (asked.unproved and point["safety.prove"])
+        if point["faults"] in chosen and not (asked.unproved and point["safety.prove"])
     ]
     phalanx.study(
         case.scenario,
@@ -146,18 +146,20 @@ def cells(case: Case, rows: pl.DataFrame) -> dict[tuple[str, bool, str], pl.Data
 
 def print_tables(case: Case, rows: pl.DataFrame) -> None:
     """Print the verdicts, and what runs without a hijack cost."""
-    found = cells(case, rows)
+    cells_of = cells(case, rows)
     attacks = [attack for attack, _ in case.attacks()]
-    shown = [a for a in attacks if any(len(cell) for key, cell in found.items() if key[2] == a)]
+    columns = [
+        a for a in attacks if any(len(cell) for key, cell in cells_of.items() if key[2] == a)
+    ]
     print(f"\n`{case.scenario}`, {case.duration:g} s:\n")
     costs = ("‖u - u_nom‖", "empty K_i", "tracking error [m]", "arrived, at [s]")
-    print("| information | " + " | ".join([*shown, *costs]) + " |")
-    print("|---" * (1 + len(shown) + len(costs)) + "|")
+    print("| information | " + " | ".join([*columns, *costs]) + " |")
+    print("|---" * (1 + len(columns) + len(costs)) + "|")
     for information, prove in itertools.product(INFORMATION, (False, True)):
-        of = [found[information, prove, attack] for attack in shown]
+        of = [cells_of[information, prove, attack] for attack in columns]
         if any(len(cell) for cell in of):
             name = f"`{information}`" + (", `prove`" if prove else "")
-            cost = cost_of(found[information, prove, "declared"], case)
+            cost = cost_of(cells_of[information, prove, "declared"], case)
             print(f"| {name} | " + " | ".join([*map(verdicts, of), *cost]) + " |")
 
 

@@ -36,12 +36,12 @@ VARIANTS = {
 def main() -> None:
     """Run what is missing; print the table, and what other declarations need."""
     options = arguments(__doc__)
-    study, found = studied("worlds/crazyflies", VARIANTS, options)
+    study, results = studied("worlds/crazyflies", VARIANTS, options)
     print(
         "| variant | runs | verdicts | φ declared | φ needed: 50 % | 99 % | largest "
         "| least distance [m] | worst h [m²] |\n|---|---|---|---|---|---|---|---|---|"
     )
-    for title, variant in found.items():
+    for title, variant in results.items():
         least, declared = variant.least_distance, VARIANTS[title]["agents.0.disturbance.bound"]
         ends = f"{least:.3f}", f"{RADIUS**2 - least**2:.4f}"
         runs = len(variant.runs)
@@ -58,8 +58,8 @@ def main() -> None:
 
 def picture(run: phalanx.Run, path: Path) -> None:
     """Draw paths, and the disturbances that explain them with the declared bounds."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
-    run.plot("paths", axes={"paths": left})
+    figure, (paths, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
+    run.plot("paths", axes={"paths": paths})
     draw_disturbances(run, right)
     right.axhline(DECLARED, color="black", linewidth=1.0, label="declared")
     right.axhline(DECLARED / 2, color="black", linewidth=1.0, linestyle=":", label="half")

@@ -36,10 +36,10 @@ class Flight(NamedTuple):
 
 def needed_by(run: phalanx.Run) -> dict[str, Array]:
     """Return ‖φ̂‖ of all intervals of a run by dynamics that might have been declared."""
-    own = disturbances_of(run.recording, swarm_of(run.recording))
+    ledgers = disturbances_of(run.recording, swarm_of(run.recording))
     flights = [*_flown_again(run)]
     return {
-        "`identified-quadrotor`": np.concatenate([each.size for each in own]),
+        "`identified-quadrotor`": np.concatenate([each.size for each in ledgers]),
         "`quadrotor`": np.concatenate([_as_quadrotor(each) for each in flights]),
         "`double-integrator`": np.concatenate([_as_double_integrator(each) for each in flights]),
     }

@@ -55,48 +55,48 @@ def studied(
     scenario: str, variants: Mapping[str, dict[str, Any]], options: argparse.Namespace
 ) -> tuple[phalanx.Study, dict[str, Variant]]:
     """Run what is missing, and return all runs by variant; variants: fields that differ."""
-    kept = Path("build") / scenario
-    kept.mkdir(parents=True, exist_ok=True)
+    folder = Path("build") / scenario
+    folder.mkdir(parents=True, exist_ok=True)
     # A fork would share the state of libraries that start threads.
     spawn = multiprocessing.get_context("spawn")
     with _KeepingDisturbances(options.workers, mp_context=spawn) as executor:
-        executor.kept = kept
+        executor.folder = folder
         study = phalanx.study(
             scenario,
             seeds=options.seeds,
             points=[*variants.values()],
-            out=kept,
+            out=folder,
             executor=executor,
             confirm=0.0,
             progress=True,
         )
     if broken := study.frame.filter(pl.col("outcome") == "broken")["reason"].to_list():
         raise SystemExit(f"{len(broken)} runs are broken: {broken[0]}")
-    found = {}
+    results = {}
     for number, title in enumerate(variants):
         runs = study.frame.filter(pl.col("point") == number)
-        found[title] = Variant(
-            runs, np.concatenate([np.load(kept / f"{key}.npy") for key in runs["key"]])
+        results[title] = Variant(
+            runs, np.concatenate([np.load(folder / f"{key}.npy") for key in runs["key"]])
         )
-    return study, found
+    return study, results
 
 
 class _KeepingDisturbances(ProcessPoolExecutor):
     """Processes whose jobs keep the disturbances of their runs as files."""
 
-    kept: Path
+    folder: Path
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Compute a study's job."""
-        return super().submit(partial(compute, work=partial(_row, self.kept)), *args)
+        return super().submit(partial(compute, work=partial(_row, self.folder)), *args)
 
 
-def _row(kept: Path, job: Job, identity: Identity, rows: SafetyRows) -> Row:
+def _row(folder: Path, job: Job, identity: Identity, rows: SafetyRows) -> Row:
     records = RecordsInMemory()
     summary = Simulation(rows, records).run()
     recording = records.recording(rows.swarm.scenario)
-    found = disturbances_of(recording, rows.swarm)
-    np.save(kept / f"{identity.key}.npy", np.concatenate([each.size for each in found]))
+    ledgers = disturbances_of(recording, rows.swarm)
+    np.save(folder / f"{identity.key}.npy", np.concatenate([each.size for each in ledgers]))
     return row_of(identity, job.overrides, summary, recording, rows.swarm)
 
 

@@ -33,15 +33,15 @@ def main() -> None:
     print(f"Found / true, in {WINDOWS} motions each of ‖φ‖ = {sizes}:\n")
     print("| dynamics | least | largest |\n|---|---|---|")
     for dynamics in MODELS:
-        found = np.array([explained(dynamics, windows(dynamics, s, 0.0)) / s for s in SIZES])
-        print(f"| {type(dynamics).__name__} | {found.min():.7f} | {found.max():.7f} |")
+        ratios = np.array([explained(dynamics, windows(dynamics, s, 0.0)) / s for s in SIZES])
+        print(f"| {type(dynamics).__name__} | {ratios.min():.7f} | {ratios.max():.7f} |")
     print(f"\nOf {COUNT} intervals, those within the bound of {BEFORE} others:\n")
     print("| run | level | at random | those before | another seed |\n|---|---|---|---|---|")
     for name, duration in SCENARIOS.items():
         here, there = (in_order(name, duration, seed) for seed in (0, 1))
         for level in LEVELS:
-            kept = [sum(each) for each in zip(*covered(here, there, level), strict=True)]
-            print(f"| {name} | {level} | {' | '.join(map(str, kept))} |")
+            counts = [sum(each) for each in zip(*covered(here, there, level), strict=True)]
+            print(f"| {name} | {level} | {' | '.join(map(str, counts))} |")
 
 
 def in_order(name: str, duration: float, seed: int) -> Array:
@@ -49,9 +49,9 @@ def in_order(name: str, duration: float, seed: int) -> Array:
     scenario = phalanx.load(name, [f"duration={duration}"], seed=seed)
     run = phalanx.run(scenario, engine="in-process", out=None)
     swarm = swarm_of(run.recording)
-    found = disturbances_of(run.recording, swarm)
-    t = np.concatenate([found[i].t for i in swarm.normal])
-    size: Array = np.concatenate([found[i].size for i in swarm.normal])
+    ledgers = disturbances_of(run.recording, swarm)
+    t = np.concatenate([ledgers[i].t for i in swarm.normal])
+    size: Array = np.concatenate([ledgers[i].size for i in swarm.normal])
     return size[np.argsort(t, kind="stable")]
 
 
@@ -59,10 +59,10 @@ def covered(here: Array, there: Array, level: float) -> Iterator[tuple[bool, boo
     """Yield whether each of COUNT intervals keeps the bounds of the three kinds of others."""
     elsewhere = conformal_bound(there, level)
     for k in range(COUNT):
-        drawn = here[np.argsort(Draws(0, "exchanged", width=len(here))[k])[: BEFORE + 1]]
+        sample = here[np.argsort(Draws(0, "exchanged", width=len(here))[k])[: BEFORE + 1]]
         now = BEFORE + k
         yield (
-            drawn[-1] <= conformal_bound(drawn[:-1], level),
+            sample[-1] <= conformal_bound(sample[:-1], level),
             here[now] <= conformal_bound(here[k:now], level),
             here[now] <= elsewhere,
         )

@@ -28,13 +28,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--set", metavar="FIELD=VALUE", action="append", default=[])
-    given = parser.parse_args()
-    for title, cut in {"no pause": math.inf, "agent 3 paused": given.seconds / 2}.items():
+    arguments = parser.parse_args()
+    for title, cut in {"no pause": math.inf, "agent 3 paused": arguments.seconds / 2}.items():
         options = dict.fromkeys("12345", ("--loss", "0.1", "--delay", "0.02"))
         policy = SCHEDULING.get(os.sched_getscheduler(0), "another")
         print(f"{title}: {os.cpu_count()} cores, load {os.getloadavg()[0]:.0f}, scheduled {policy}")
         with tempfile.TemporaryDirectory() as folder:
-            show(*run_with_robots(given.seconds, cut, Path(folder), options, given.set))
+            show(*run_with_robots(arguments.seconds, cut, Path(folder), options, arguments.set))
 
 
 def show(run: phalanx.Run, robots: dict[str, dict[str, float]]) -> None:
@@ -46,11 +46,11 @@ def show(run: phalanx.Run, robots: dict[str, dict[str, float]]) -> None:
     for checked in summary.assumptions:
         note = f"; {checked.note}" if checked.failed else ""
         print(f"    {checked.name}: {checked.failed} of {checked.checked} failed{note}")
-    for each in summary.punctuality.measured:
-        p50, p99, most = (f"{1e3 * t:.2f}" for t in (each.p50, each.p99, each.most))
-        print(f"    {each.name} [ms]: p50 {p50}, p99 {p99}, largest {most}, of {each.count}")
-    found = [each.size for each in disturbances_of(run.recording, swarm_of(run.recording))]
-    for name, size in zip(robots, found, strict=True):
+    for latency in summary.punctuality.measured:
+        p50, p99, most = (f"{1e3 * t:.2f}" for t in (latency.p50, latency.p99, latency.most))
+        print(f"    {latency.name} [ms]: p50 {p50}, p99 {p99}, largest {most}, of {latency.count}")
+    sizes = [each.size for each in disturbances_of(run.recording, swarm_of(run.recording))]
+    for name, size in zip(robots, sizes, strict=True):
         p50, p99, most = (f"{value:.3f}" for value in (*np.quantile(size, [0.5, 0.99]), size.max()))
         print(f"    agent {name}, disturbance needed: p50 {p50}, p99 {p99}, largest {most}")
     for event in run.events.iter_rows(named=True):

@@ -43,13 +43,13 @@ VARIANTS = {
 def main() -> None:
     """Run what is missing, and print the table."""
     options = arguments(__doc__)
-    study, found = studied("worlds/rovers", VARIANTS, options)
+    study, results = studied("worlds/rovers", VARIANTS, options)
     print(
         "| variant | runs | verdicts | disturbance bound failed | φ declared | φ needed: 50 % "
         "| 99 % | largest | least distance [m] | worst h_tot |\n"
         "|---|---|---|---|---|---|---|---|---|---|"
     )
-    for title, variant in found.items():
+    for title, variant in results.items():
         failed = sum("disturbance bound" in reason for reason in variant.runs["reason"])
         declared, worst = (
             VARIANTS[title]["agents.0.disturbance.bound"],
@@ -68,10 +68,10 @@ def picture(run: phalanx.Run, failing: phalanx.Run, path: Path) -> None:
     """Draw paths, and the disturbances that explain a run without and one with a failure."""
     figure, (paths, *axes) = plt.subplots(1, 3, figsize=(12.0, 3.6), layout="constrained")
     run.plot("paths", axes={"paths": paths})
-    for each, title, own in zip((run, failing), ("as shipped", FAILED), axes, strict=True):
-        draw_disturbances(each, own)
-        own.axhline(DECLARED, color="black", linewidth=1.0, label="declared")
-        own.set(xlabel="t [s]", ylabel="‖φ̂‖", title=title)
+    for case, title, panel in zip((run, failing), ("as shipped", FAILED), axes, strict=True):
+        draw_disturbances(case, panel)
+        panel.axhline(DECLARED, color="black", linewidth=1.0, label="declared")
+        panel.set(xlabel="t [s]", ylabel="‖φ̂‖", title=title)
     axes[0].set(ylim=(0.0, 1.1 * DECLARED))
     axes[0].legend(fontsize="small", ncols=2)
     figure.savefig(path, dpi=100)

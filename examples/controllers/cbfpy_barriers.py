@@ -71,7 +71,7 @@ class CbfPy:
 class Pairs(NamedTuple):
     """All that a filter depends on."""
 
-    own: Dynamics
+    dynamics: Dynamics
     """The agent's."""
     radii: tuple[float, ...]
     """Allowed distance from each other agent, then from each obstacle [m]."""
@@ -81,12 +81,12 @@ class Pairs(NamedTuple):
     @property
     def second(self):
         """True if the inputs are accelerations."""
-        return isinstance(self.own, DoubleIntegrator)
+        return isinstance(self.dynamics, DoubleIntegrator)
 
     @property
     def axes(self):
         """The dimensions of space."""
-        return 2 if isinstance(self.own, Unicycle) else len(self.own.inputs)
+        return 2 if isinstance(self.dynamics, Unicycle) else len(self.dynamics.inputs)
 
 
 def pairs_of(agent):
@@ -108,40 +108,40 @@ def pairs_of(agent):
 def compiled(pairs):
     """Return (z, nominal input) -> input, compiled."""
     problem = Problem(pairs)
-    found = CBF.from_config(problem).safety_filter
-    found(np.linspace(0.0, 1.0, problem.n), np.zeros(problem.m))
-    return found
+    safety_filter = CBF.from_config(problem).safety_filter
+    safety_filter(np.linspace(0.0, 1.0, problem.n), np.zeros(problem.m))
+    return safety_filter
 
 
 class Problem(CBFConfig):
     """z is the agent's state, then the points of all others, then their velocities."""
 
     def __init__(self, pairs):
-        self.pairs, self.own, self.axes = pairs, pairs.own, pairs.axes
-        self.states, self.count = len(self.own.states), len(pairs.radii)
+        self.pairs, self.dynamics, self.axes = pairs, pairs.dynamics, pairs.axes
+        self.states, self.count = len(self.dynamics.states), len(pairs.radii)
         self.squares = jnp.array(pairs.radii) ** 2
         limit, n = self.largest(), self.states + 2 * self.count * self.axes
         super().__init__(n=n, m=len(limit), u_min=-limit, u_max=limit, relax_qp=True)
 
     def largest(self):
         """Return the largest inputs."""
-        if isinstance(self.own, Unicycle):
-            return np.array([self.own.speed, self.own.turn_rate])
-        largest = self.own.acceleration if self.pairs.second else self.own.speed
+        if isinstance(self.dynamics, Unicycle):
+            return np.array([self.dynamics.speed, self.dynamics.turn_rate])
+        largest = self.dynamics.acceleration if self.pairs.second else self.dynamics.speed
         return np.full(self.axes, largest)
 
     def f(self, z):
         """Others keep their velocity, and the agent has its drift."""
-        own, moved = jnp.zeros(self.states), self.count * self.axes
+        drift, moved = jnp.zeros(self.states), self.count * self.axes
         if self.pairs.second:
             v = z[self.axes : self.states]
-            own = jnp.concatenate([v, -self.own.drag * v])
-        return jnp.concatenate([own, z[self.states + moved :], jnp.zeros(moved)])
+            drift = jnp.concatenate([v, -self.dynamics.drag * v])
+        return jnp.concatenate([drift, z[self.states + moved :], jnp.zeros(moved)])
 
     def g(self, z):
         """The inputs move the agent alone."""
         g = jnp.zeros((self.n, self.m))
-        if isinstance(self.own, Unicycle):
+        if isinstance(self.dynamics, Unicycle):
             column = jnp.array([jnp.cos(z[2]), jnp.sin(z[2])])
             return g.at[:2, 0].set(column).at[2, 1].set(1.0)
         first = self.axes if self.pairs.second else 0
@@ -165,16 +165,16 @@ class Problem(CBFConfig):
 
     def P(self, z, u_des):  # noqa: N802
         """The scenario's metric of inputs."""
-        return jnp.diag(2.0 * jnp.array(self.own.input_metric()))
+        return jnp.diag(2.0 * jnp.array(self.dynamics.input_metric()))
 
     def q(self, z, u_des):
         """The same metric, towards the nominal input."""
-        return -2.0 * jnp.array(self.own.input_metric()) * u_des
+        return -2.0 * jnp.array(self.dynamics.input_metric()) * u_des
 
     def barriers(self, z):
         """Return squared distances less those allowed."""
         p = z[: self.axes]
-        if isinstance(self.own, Unicycle):
-            p = p + self.own.offset * jnp.array([jnp.cos(z[2]), jnp.sin(z[2])])
+        if isinstance(self.dynamics, Unicycle):
+            p = p + self.dynamics.offset * jnp.array([jnp.cos(z[2]), jnp.sin(z[2])])
         points = z[self.states : self.states + self.count * self.axes].reshape(-1, self.axes)
         return jnp.sum((p - points) ** 2, axis=1) - self.squares

@@ -35,10 +35,10 @@ class Orca:
         if gain.shape != (2, 2) or ca.sprank(gain) < 2:
             raise ValueError("orca needs a planar agent whose two inputs set its velocity")
         self.motion = CompiledFunction([x], [jacobian @ dynamics.drift(x), ca.densify(gain)])
-        apart = getattr(agent.function, "radius", None)
-        if apart is None or not all(isinstance(each, Sphere) for each in agent.static):
+        distance = getattr(agent.function, "radius", None)
+        if distance is None or not all(isinstance(each, Sphere) for each in agent.static):
             raise ValueError("orca needs safety.function 'separation' and round obstacles")
-        self.radius, self.period = 0.5 * apart, agent.period
+        self.radius, self.period = 0.5 * distance, agent.period
         self.around = [polygon(each, self.radius) for each in agent.static]
         self.before, self.t = {}, 0.0
 
@@ -54,8 +54,8 @@ class Orca:
         scene.set_agent_pref_velocity(0, (drift[:, 0] + gain @ view.u_nom).tolist())
         scene.do_step()
         self.before, self.t = points, view.t
-        found = scene.get_agent_velocity(0)
-        return np.linalg.solve(gain, np.array([found.x, found.y]) - drift[:, 0])
+        choice = scene.get_agent_velocity(0)
+        return np.linalg.solve(gain, np.array([choice.x, choice.y]) - drift[:, 0])
 
     def scene(self, fastest):
         """Return a simulator with the obstacles alone; fastest: largest speed [m/s]."""
@@ -63,8 +63,8 @@ class Orca:
         scene = RVOSimulator(
             self.period, near, most, self.horizon, self.horizon, self.radius, float(fastest)
         )
-        for each in self.around:
-            scene.add_obstacle(each)
+        for obstacle in self.around:
+            scene.add_obstacle(obstacle)
         scene.process_obstacles()
         return scene
 

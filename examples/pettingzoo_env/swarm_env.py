@@ -76,7 +76,7 @@ class SwarmEnv(ParallelEnv):
         self.seed = self.seed + 1 if seed is None else seed
         self.run, self.steps, self.agents = self.start(), 0, list(self.possible_agents)
         self.peak = max(self.run.h.values())
-        return self.seen()
+        return self.observe()
 
     def step(self, actions):
         """Hold these actions for the time of a step."""
@@ -87,7 +87,7 @@ class SwarmEnv(ParallelEnv):
         while run.t < self.steps * self.every and run.step():
             peak = max(peak, *run.h.values())
         rise, self.peak = self.sign * (peak - self.peak), peak
-        observed, infos = self.seen()
+        observed, infos = self.observe()
         values = rise, peak > 0.0, run.over and peak <= 0.0
         rewards, unsafe, truncated = (dict.fromkeys(self.agents, value) for value in values)
         if peak > 0.0 or run.over:
@@ -96,7 +96,7 @@ class SwarmEnv(ParallelEnv):
                 info["verdict"] = "violated" if peak > 0.0 else str(self.run.verdict)
         return observed, rewards, unsafe, truncated, infos
 
-    def seen(self):
+    def observe(self):
         """Return the observation and the information of each agent."""
         x = np.concatenate([*self.run.states.values()])
         info = {"t": self.run.t, "peak": self.peak}

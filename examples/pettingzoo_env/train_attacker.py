@@ -38,9 +38,9 @@ def trained(weights, seeds=range(2)):
     """Return the largest h of an episode for each seed; above 0 is unsafe."""
     env, largest = SwarmEnv("unicycles", overrides=settings(WORST)), []
     for seed in seeds:
-        seen, infos = env.reset(seed=seed)
+        observations, infos = env.reset(seed=seed)
         while env.agents:
-            seen, *_, infos = env.step({"2": action(weights, seen["2"])})
+            observations, *_, infos = env.step({"2": action(weights, observations["2"])})
         largest.append(infos["2"]["peak"])
     return largest
 
@@ -52,9 +52,11 @@ if __name__ == "__main__":
         for _ in range(int(sys.argv[1]) if sys.argv[1:] else 16):
             xs = [search.ask() for _ in range(search.population_size)]
             search.tell([(x, -np.mean(h)) for x, h in zip(xs, pool.map(trained, xs), strict=True)])
-    found = {"trained": trained(search.mean, fresh)}
+    largest_of = {"trained": trained(search.mean, fresh)}
     for name, law in (("chase", CHASE), ("worst", WORST)):
         scenarios = (phalanx.load("unicycles", settings(law), seed) for seed in fresh)
         runs = (phalanx.run(scenario, engine="in-process") for scenario in scenarios)
-        found[name] = [run.h["1-2"].max() for run in runs]
-    print(*(f"{n}: largest h {np.mean(h):.2f} in the mean" for n, h in found.items()), sep="\n")
+        largest_of[name] = [run.h["1-2"].max() for run in runs]
+    print(
+        *(f"{n}: largest h {np.mean(h):.2f} in the mean" for n, h in largest_of.items()), sep="\n"
+    )

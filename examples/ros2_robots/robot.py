@@ -101,31 +101,31 @@ def main() -> None:
     parser.add_argument(
         "--silent-after", type=float, default=math.inf, help="no odometry after so many velocities"
     )
-    given = parser.parse_args()
-    Robot(given).run()
+    options = parser.parse_args()
+    Robot(options).run()
 
 
 class Robot:
-    def __init__(self, given: argparse.Namespace) -> None:
-        self.given, self.random = given, random.Random(given.name)
-        self.x, self.y, self.turn = given.x, given.y, given.turn
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options, self.random = options, random.Random(options.name)
+        self.x, self.y, self.turn = options.x, options.y, options.turn
         self.v = self.w = 0.0
-        self.taken = self.zeros = 0
+        self.accepted = self.zeros = 0
         self.over = threading.Event()
-        config = {"mode": "client", "connect": {"endpoints": [given.router], "timeout_ms": -1}}
+        config = {"mode": "client", "connect": {"endpoints": [options.router], "timeout_ms": -1}}
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         self.moved_since = time.monotonic()
         self.pending: list[tuple[float, bytes]] = []
 
     def key(self, topic: str, kind: str) -> str:
-        return f"0/agent_{self.given.name}/{topic}/{kind}/{HASHES[kind]}"
+        return f"0/agent_{self.options.name}/{topic}/{kind}/{HASHES[kind]}"
 
     def take(self, sample: zenoh.Sample) -> None:
-        if self.random.random() < self.given.loss:
+        if self.random.random() < self.options.loss:
             return
         twist = Twist.deserialize(sample.payload.to_bytes())
         self.v, self.w = twist.linear.x, twist.angular.z
-        self.taken += 1
+        self.accepted += 1
         self.zeros += not (self.v or self.w)
 
     def run(self) -> None:
@@ -133,17 +133,17 @@ class Robot:
         self.session.declare_subscriber(self.key("cmd_vel", TWIST), self.take)
         threading.Thread(target=self.read, daemon=True).start()
         print("ready", flush=True)
-        while not self.over.wait(1.0 / self.given.rate):
+        while not self.over.wait(1.0 / self.options.rate):
             now = time.monotonic()
             self.move(now)
-            if self.random.random() >= self.given.loss:
-                self.pending.append((now + self.given.delay, self.odometry()))
+            if self.random.random() >= self.options.loss:
+                self.pending.append((now + self.options.delay, self.odometry()))
             while self.pending and self.pending[0][0] <= now:
                 payload = self.pending.pop(0)[1]
-                if self.taken < self.given.silent_after:
+                if self.accepted < self.options.silent_after:
                     out.put(payload)
         self.session.close()
-        print(json.dumps({"taken": self.taken, "zeros": self.zeros, "v": self.v, "w": self.w}))
+        print(json.dumps({"taken": self.accepted, "zeros": self.zeros, "v": self.v, "w": self.w}))
 
     def read(self) -> None:
         sys.stdin.read()
@@ -163,10 +163,10 @@ class Robot:
         pose = Pose(Vector3(self.x, self.y, 0.0), turned)
         twist = Twist(Vector3(self.v), Vector3(z=self.w))
         header = Header(Time(seconds, rest), "odom")
-        found = Odometry(
+        message = Odometry(
             header, "base_link", PoseWithCovariance(pose, none), TwistWithCovariance(twist, none)
         )
-        return bytes(found.serialize())
+        return bytes(message.serialize())
 
 
 if __name__ == "__main__":

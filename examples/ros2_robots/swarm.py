@@ -29,8 +29,8 @@ def main() -> None:
     config = {"mode": "router", "listen": {"endpoints": [router]}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))), ExitStack() as stack:
         robots = []
-        for agent, group, place in scenario.roster():
-            start = [str(number) for number in group.start[place]]
+        for agent, group, member in scenario.roster():
+            start = [str(number) for number in group.start[member]]
             command = [sys.executable, ROBOT, router, agent, "--", *start]
             # In a session of its own, which Ctrl-C does not reach: it ends when its input closes.
             robot = subprocess.Popen(
