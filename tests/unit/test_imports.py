@@ -120,7 +120,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2700,
     "swarm": 1400,
     "theory": 8500,
-    "viewer": 5280,
+    "viewer": 5300,
     "wire": 700,
 }
 EXTENSIONS = {

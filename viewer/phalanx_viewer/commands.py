@@ -152,9 +152,9 @@ def export(
     from phalanx_viewer.export.write import run as write
 
     files = {"html": html, "png": png, "mcap": mcap, "rerun": rerun}
-    wanted = files | {"parquet": parquet, "csv": csv}
-    if not any(wanted.values()):
-        raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in wanted)}")
+    paths = files | {"parquet": parquet, "csv": csv}
+    if not any(paths.values()):
+        raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in paths)}")
     if at is not None and png is None:
         raise typer.BadParameter("--at: expected --png with it")
     configure_logging()
@@ -165,7 +165,7 @@ def export(
             show("reading the recording")
             recorded = read(run, trust)
             warn_of_damage(recorded)
-            written = write(recorded, at=at, progress=show, **wanted)
+            written = write(recorded, at=at, progress=show, **paths)
         echo(*written)
     except (UnreadableRecordingError, OSError) as error:
         echo_error(error)

@@ -122,15 +122,15 @@ class LivePage(AbstractContextManager["LivePage"]):
 
     def _restart_when_dead(self, folder: Path) -> None:
         """Start the page again when it dies, and print why; give up after _STARTS."""
-        for left in reversed(range(_STARTS)):
+        for restarts in reversed(range(_STARTS)):
             assert self._process
             self._process.join()
             if self._closed.is_set() or self._process.exitcode == 0:
                 return
-            after = "it is started again" if left else f"phalanx view {folder} shows the run"
+            after = "it is started again" if restarts else f"phalanx view {folder} shows the run"
             died = f"the page died ({_cause_of_death(self._process, folder)}): {after}"
             print(printable(died), file=sys.stderr)
-            if left:
+            if restarts:
                 self._process = _start_daemon(_serve, folder, *self._options)
                 if self._closed.is_set():  # while it was started: close() did not see this process
                     self._process.terminate()
@@ -180,8 +180,8 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
 
     # A user who runs a scenario trusts the code that it names. Nothing is announced: output goes to
     # the log, which is no place for the token. The launcher prints the address on the terminal.
-    while (found := find_live(folder)) is not None:
-        membership = replace(found, timeout=_TIMEOUT)
+    while (live := find_live(folder)) is not None:
+        membership = replace(live, timeout=_TIMEOUT)
         with suppress(HubError):  # it may be over meanwhile
             sys.exit(
                 run(

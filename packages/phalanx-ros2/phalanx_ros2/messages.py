@@ -110,7 +110,7 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
         id=shape.number,
         type=_TYPES[shape.kind],
         action=Marker.ADD,
-        pose=_pose(shape.place, shape.heading),
+        pose=_pose(shape.position, shape.heading),
         scale=ros.geometry_msgs__msg__Vector3(x=x, y=y, z=z),
         color=ros.std_msgs__msg__ColorRGBA(r=red, g=green, b=blue, a=shape.opacity),
         lifetime=ros.builtin_interfaces__msg__Duration(sec=0, nanosec=0),

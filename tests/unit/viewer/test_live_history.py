@@ -43,10 +43,10 @@ def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others()
     past = LiveHistory(MODEL)
     received = [[("1-2", 0.5), ("1-3", 0.1)], [("1-2", 0.7)], []]
     for k, violations in enumerate(received):
-        each = tuple(
+        frame_violations = tuple(
             Violation(pair, 0.0, worst, 0.0, 0.1, 1, 0.0, 0.1) for pair, worst in violations
         )
-        past.add(msgspec.structs.replace(frame(0.1 * k), violations=each))
+        past.add(msgspec.structs.replace(frame(0.1 * k), violations=frame_violations))
     assert {v.pair: v.worst for v in past.violations.values()} == {"1-2": 0.7, "1-3": 0.1}
 
 

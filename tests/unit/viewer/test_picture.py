@@ -13,7 +13,7 @@ from phalanx.scenario.load import load
 MODEL: SceneModel = scene_model(load("surrounded", []))
 
 
-def shown(*second: float, turned: tuple[int, ...] = ()) -> Picture:
+def picture(*second: float, turned: tuple[int, ...] = ()) -> Picture:
     """The picture with agent 2 at a point, and the others at the start."""
     x = MODEL.swarm.start().copy()
     x[2:4] = second
@@ -28,17 +28,17 @@ def shown(*second: float, turned: tuple[int, ...] = ()) -> Picture:
 
 
 def test_no_agent_is_marked_while_all_are_safe() -> None:
-    found = shown(1.001, 0.0)
-    assert found.unsafe == []
-    assert not found.unsafe_agents.any()
-    assert found.unsafe_ends.shape == (0, 2, 3)
+    marked = picture(1.001, 0.0)
+    assert marked.unsafe == []
+    assert not marked.unsafe_agents.any()
+    assert marked.unsafe_ends.shape == (0, 2, 3)
 
 
 def test_the_two_of_a_pair_too_close_are_marked() -> None:
-    found = shown(0.999, 0.0)
-    assert [MODEL.label(pair) for pair in found.unsafe] == ["1-2"]
-    assert found.unsafe_agents.tolist() == [True, True, False, False, False]
-    np.testing.assert_array_equal(found.unsafe_ends, [[[0, 0, 0], [0.999, 0, 0]]])
+    marked = picture(0.999, 0.0)
+    assert [MODEL.label(pair) for pair in marked.unsafe] == ["1-2"]
+    assert marked.unsafe_agents.tolist() == [True, True, False, False, False]
+    np.testing.assert_array_equal(marked.unsafe_ends, [[[0, 0, 0], [0.999, 0, 0]]])
 
 
 def test_of_several_pairs_the_one_with_the_largest_h_comes_first() -> None:
@@ -51,31 +51,35 @@ def test_of_several_pairs_the_one_with_the_largest_h_comes_first() -> None:
 def test_the_banner_names_the_pair_its_h_and_since_when() -> None:
     x = MODEL.swarm.start().copy()
     x[2:4] = (0.5, 0.0)
-    known = Violation("1-2", 0.25, 2.0, 3.0, duration=1.0, count=2, begin=1.25, end=None)
+    violation = Violation("1-2", 0.25, 2.0, 3.0, duration=1.0, count=2, begin=1.25, end=None)
     p = MODEL.kinematics.poses(x).positions
     unsafe = MODEL.values.unsafe(x).tolist()
-    (line,) = unsafe_lines(MODEL, unsafe, (known,), x, p)
+    (line,) = unsafe_lines(MODEL, unsafe, (violation,), x, p)
     assert line == "1-2 unsafe: 0.50 m, h = 0.75 where 0 is allowed, since t = 1.250 s"
     assert line in banner([line], [])
-    assert past_lines(MODEL, unsafe, (known,), 2.0) == []
+    assert past_lines(MODEL, unsafe, (violation,), 2.0) == []
 
 
 def test_the_banner_keeps_past_violations_but_shows_none_before_they_happen() -> None:
-    known = Violation("1-2", 1.25, 2.0, 3.0, duration=0.5, count=1, begin=1.25, end=1.75)
-    assert past_lines(MODEL, [], (known,), 1.0) == []
-    assert past_lines(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s to 1.750 s"]
-    again = replace(known, count=3, begin=2.5, end=3.5)
+    violation = Violation("1-2", 1.25, 2.0, 3.0, duration=0.5, count=1, begin=1.25, end=1.75)
+    assert past_lines(MODEL, [], (violation,), 1.0) == []
+    assert past_lines(MODEL, [], (violation,), 2.0) == [
+        "1-2 was unsafe from t = 1.250 s to 1.750 s"
+    ]
+    again = replace(violation, count=3, begin=2.5, end=3.5)
     (line,) = past_lines(MODEL, [], (again,), 4.0)
     assert line == "1-2 was unsafe 3 times, last from t = 2.500 s to 3.500 s, up to h = 2"
     assert "phalanx-past" in banner([], [line])
 
 
 def test_a_pair_without_a_normal_agent_sounds_no_alarm() -> None:
-    found = shown(0.5, 0.0, turned=(0,))
-    assert (found.unsafe, found.unsafe_lines) == ([], [])
-    assert not found.unsafe_agents.any()
-    assert found.past_lines == ["1-2: 0.50 m, h = 0.75, not counted: no normal agent is left in it"]
-    assert shown(0.5, 0.0, turned=(1,)).unsafe_lines, "agent 1 is normal"
+    marked = picture(0.5, 0.0, turned=(0,))
+    assert (marked.unsafe, marked.unsafe_lines) == ([], [])
+    assert not marked.unsafe_agents.any()
+    assert marked.past_lines == [
+        "1-2: 0.50 m, h = 0.75, not counted: no normal agent is left in it"
+    ]
+    assert picture(0.5, 0.0, turned=(1,)).unsafe_lines, "agent 1 is normal"
 
 
 def test_a_safe_run_has_no_banner_and_a_name_is_no_markup_in_it() -> None:
@@ -84,9 +88,9 @@ def test_a_safe_run_has_no_banner_and_a_name_is_no_markup_in_it() -> None:
 
 
 def test_a_banner_names_three_pairs_and_counts_the_others() -> None:
-    found = banner([f"1-{k} unsafe" for k in range(5)], [])
-    assert [f"1-{k} unsafe" in found for k in range(5)] == [True, True, True, False, False]
-    assert "and 2 more pairs" in found
+    marked = banner([f"1-{k} unsafe" for k in range(5)], [])
+    assert [f"1-{k} unsafe" in marked for k in range(5)] == [True, True, True, False, False]
+    assert "and 2 more pairs" in marked
     assert "and 1 more pair<" in banner([f"1-{k} unsafe" for k in range(4)], [])
 
 

@@ -12,7 +12,7 @@ from phalanx_viewer.feeds.replay import Replay
 import phalanx
 
 
-def drawn(scenario: phalanx.Scenario, t: float, path: Path) -> np.ndarray:
+def picture(scenario: phalanx.Scenario, t: float, path: Path) -> np.ndarray:
     draw(Replay(phalanx.run(scenario, engine="in-process").recording), t, path)
     return matplotlib.image.imread(path)
 
@@ -21,7 +21,7 @@ def drawn(scenario: phalanx.Scenario, t: float, path: Path) -> np.ndarray:
 def test_walls_are_drawn_in_space(tmp_path: Path) -> None:
     floor = {"normal": [0.0, 0.0, -1.0], "offset": 30.0, "clearance": 0.5}
     walled = phalanx.load("formation3d", {"duration": 0.05, "obstacles": [floor]})
-    red, _, blue, _ = np.moveaxis(drawn(walled, 0.0, tmp_path / "walled.png"), 2, 0)
+    red, _, blue, _ = np.moveaxis(picture(walled, 0.0, tmp_path / "walled.png"), 2, 0)
     assert ((blue - red > 0.02) & (blue - red < 0.06)).mean() > 0.05, "a large pale face"
 
 
@@ -30,5 +30,5 @@ def test_a_picture_before_the_first_input_brings_no_warnings(tmp_path: Path) -> 
     late = phalanx.load("unicycles", {"duration": 0.05, "time.latency": 0.004})
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        shown = drawn(late, 0.0, tmp_path / "first.png")
+        shown = picture(late, 0.0, tmp_path / "first.png")
     assert np.ptp(shown) == 1.0

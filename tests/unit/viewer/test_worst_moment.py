@@ -95,10 +95,10 @@ def test_the_worst_moment_and_pair_are_the_same_everywhere(run: phalanx.Run) -> 
 def test_a_recording_cut_short_has_its_worst_moment_from_its_states(run: phalanx.Run) -> None:
     whole, cut = run.recording, phalanx.open(run.folder).recording
     cut.summary = None
-    found = safety.worst(cut)
-    assert found is not None
-    assert found.h == max(state.h for state in whole.states)
-    assert found.t == Replay(cut).worst_at
+    moment = safety.worst(cut)
+    assert moment is not None
+    assert moment.h == max(state.h for state in whole.states)
+    assert moment.t == Replay(cut).worst_at
 
 
 @pytest.mark.slow
@@ -113,26 +113,26 @@ def test_the_recorded_h_is_that_of_all_integration_steps(run: phalanx.Run) -> No
 def test_each_excursion_has_its_own_begin_and_end(run: phalanx.Run) -> None:
     (violation,) = run.summary.violations
     assert violation.count == 2
-    left = run.events.filter(run.events["text"].str.contains("left the safe set"))["t"].to_list()
+    exits = run.events.filter(run.events["text"].str.contains("left the safe set"))["t"].to_list()
     back = run.events.filter(run.events["text"].str.contains("is safe again"))["t"].to_list()
-    assert (violation.first, violation.begin) == tuple(left)
+    assert (violation.first, violation.begin) == tuple(exits)
     assert violation.end == back[1]
-    assert violation.duration == pytest.approx(back[0] - left[0] + back[1] - left[1])
+    assert violation.duration == pytest.approx(back[0] - exits[0] + back[1] - exits[1])
     assert violation.times.endswith(f"to {back[1]:.3f} s, in 2 excursions")
     assert f"left the safe set, up to h = {violation.worst:.4g} where 0" in last_line(run.summary)
     assert f", for {violation.times}" in last_line(run.summary)
-    replay, early = Replay(run.recording), f"since t = {left[0]:.3f} s"
+    replay, early = Replay(run.recording), f"since t = {exits[0]:.3f} s"
     for t, lines in (
-        (left[0] + 0.02, early),
-        (left[1] + 0.02, f"since t = {left[1]:.3f} s"),
+        (exits[0] + 0.02, early),
+        (exits[1] + 0.02, f"since t = {exits[1]:.3f} s"),
     ):
         (line,) = Picture(replay.model, replay.frame(t)).unsafe_lines
         assert line.endswith(lines)
-    between = Picture(replay.model, replay.frame((back[0] + left[1]) / 2.0))
+    between = Picture(replay.model, replay.frame((back[0] + exits[1]) / 2.0))
     (line,) = between.past_lines
-    assert line.startswith(f"1-hunter was unsafe from t = {left[0]:.3f} s to {back[0]:.3f} s")
+    assert line.startswith(f"1-hunter was unsafe from t = {exits[0]:.3f} s to {back[0]:.3f} s")
     (line,) = Picture(replay.model, replay.frame(END)).past_lines
-    assert line.startswith(f"1-hunter was unsafe 2 times, last from t = {left[1]:.3f} s to ")
+    assert line.startswith(f"1-hunter was unsafe 2 times, last from t = {exits[1]:.3f} s to ")
 
 
 @pytest.mark.slow
@@ -151,12 +151,12 @@ def test_pairs_without_a_normal_agent_are_neither_the_worst_nor_an_alarm(tmp_pat
     replay = Replay(run.recording)
     assert replay.worst_at < 0.65
     late = replay.frame(excluded.worst_at)
-    shown = Picture(replay.model, late)
+    picture = Picture(replay.model, late)
     assert late.worst_h == pytest.approx(violation.worst)
     assert "1-hunter" not in replay.model.label(late.pair)
-    assert (shown.unsafe_lines, shown.unsafe_ends.tolist()) == ([], [])
-    assert any("1-hunter: " in line and "not counted" in line for line in shown.past_lines)
-    drawn = list(Content(run.recording, replay.model).violated())
-    times = [t for t, (now, _) in zip(run.recording.times, drawn, strict=True) if now]
+    assert (picture.unsafe_lines, picture.unsafe_ends.tolist()) == ([], [])
+    assert any("1-hunter: " in line and "not counted" in line for line in picture.past_lines)
+    scenes = list(Content(run.recording, replay.model).violated())
+    times = [t for t, (now, _) in zip(run.recording.times, scenes, strict=True) if now]
     assert times
     assert max(times) <= violation.end

@@ -64,13 +64,13 @@ class Content:
             of, kind, name = units(member.dynamics), type(member.dynamics).__name__, member.name
             states = dict(zip(of.states, self.x[:, part].T, strict=True))
             yield Numbers(f"agents/{name}/state", f"{kind}State", t, states, of.states)
-            made = recorded_series(steps[name], len(of.inputs))
+            series = recorded_series(steps[name], len(of.inputs))
             inputs = {f"u_{i}": unit for i, unit in of.inputs.items()}
             inputs |= {f"nominal_{i}": unit for i, unit in of.inputs.items()}
-            values = dict(zip(inputs, [*made.u.T, *made.u_nom.T], strict=True)) | made.numbers
+            values = dict(zip(inputs, [*series.u.T, *series.u_nom.T], strict=True)) | series.numbers
             origins = [step.origin for step in steps[name]]
             yield Numbers(
-                f"agents/{name}/step", f"{kind}Step", made.sampled, values,
+                f"agents/{name}/step", f"{kind}Step", series.sampled, values,
                 inputs | of_quantities, origins,
             )  # fmt: skip
 
@@ -121,10 +121,10 @@ def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
     worst: set[int] = set()
     for begin in range(0, len(x), _AT_ONCE):
         h = every.h(x[begin : begin + _AT_ONCE])
-        for own in mine:
-            worst.update(every.order[own[h[:, own].argmax(axis=1)]].tolist() if len(own) else ())
-    found = sorted(worst)
-    chosen = swarm.pairs.choose(pairs[found])
-    h = np.empty((len(x), len(found)))
+        for rows in mine:
+            worst.update(every.order[rows[h[:, rows].argmax(axis=1)]].tolist() if len(rows) else ())
+    near = sorted(worst)
+    chosen = swarm.pairs.choose(pairs[near])
+    h = np.empty((len(x), len(near)))
     h[:, chosen.order] = chosen.h(x)
-    return found, h
+    return near, h

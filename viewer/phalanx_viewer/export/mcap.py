@@ -134,10 +134,10 @@ def _messages(numbers: Numbers) -> Iterator[TimedMessage]:
     rows = np.array(list(numbers.values.values())).T
     for k in np.argsort(numbers.t, kind="stable").tolist():
         values = zip(fields, rows[k].tolist(), strict=True)
-        known: dict[str, float | str] = {f: value for f, value in values if not np.isnan(value)}
+        arguments: dict[str, float | str] = {f: value for f, value in values if not np.isnan(value)}
         if numbers.origins:
-            known["origin"] = numbers.origins[k]
-        yield TimedMessage(float(numbers.t[k]), f"/{numbers.topic}", kind(**known), field_units)
+            arguments["origin"] = numbers.origins[k]
+        yield TimedMessage(float(numbers.t[k]), f"/{numbers.topic}", kind(**arguments), field_units)
 
 
 @cache
@@ -150,10 +150,10 @@ def number_message(
     message = file.message_type.add(name=name)
     number, text = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STRING
     kinds = [*((field, number) for field in fields), *((field, text) for field in texts)]
-    for place, (field, kind) in enumerate(kinds, start=1):
+    for tag, (field, kind) in enumerate(kinds, start=1):
         # Optional, as in proto2: a missing number is not 0.
         label = FieldDescriptorProto.LABEL_OPTIONAL
-        message.field.add(name=field, number=place, type=kind, label=label)
+        message.field.add(name=field, number=tag, type=kind, label=label)
     pool = DescriptorPool()
     pool.Add(file)
     return GetMessageClass(pool.FindMessageTypeByName(f"phalanx.{name}")), fields
@@ -161,13 +161,13 @@ def number_message(
 
 def identifiers(names: Iterable[str]) -> list[str]:
     """Convert names to ones that protobuf accepts: letters, digits and underscores, all unique."""
-    found: list[str] = []
+    fields: list[str] = []
     for name in names:
         plain = re.sub(r"\W", "_", name, flags=re.ASCII)
         plain = plain if re.match(r"[A-Za-z]", plain) else f"n_{plain}"
-        again = sum(re.fullmatch(rf"{plain}(_\d+)?", other) is not None for other in found)
-        found.append(f"{plain}_{again + 1}" if plain in found else plain)
-    return found
+        again = sum(re.fullmatch(rf"{plain}(_\d+)?", other) is not None for other in fields)
+        fields.append(f"{plain}_{again + 1}" if plain in fields else plain)
+    return fields
 
 
 def _log(content: Content) -> Iterator[TimedMessage]:
@@ -231,7 +231,7 @@ def violations(
 
 def _add(entity: SceneEntity, shape: Shape) -> None:
     """Add a shape to an entity."""
-    colour, pose = _colour(shape.colour, shape.opacity), _pose(shape.place, shape.heading)
+    colour, pose = _colour(shape.colour, shape.opacity), _pose(shape.position, shape.heading)
     x, y, z = shape.size
     size = Vector3(x=x, y=y, z=z)
     match shape.kind:
@@ -272,8 +272,8 @@ def _line(points: Iterable[Array], colour: Color, thickness: float) -> LinePrimi
     )
 
 
-def _pose(place: Array, heading: Array) -> Pose:
-    x, y, z = place
+def _pose(position: Array, heading: Array) -> Pose:
+    x, y, z = position
     ((w, a, b, c),) = rotations_to(heading[None])
     return Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(w=w, x=a, y=b, z=c))
 

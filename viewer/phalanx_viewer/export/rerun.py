@@ -92,12 +92,17 @@ def _archetype(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsCompon
     long, wide, _ = shape.size
     if shape.kind is Kind.ARROW:
         return rr.Arrows3D(
-            origins=[shape.place], vectors=[long * shape.heading], radii=[0.25 * wide],
+            origins=[shape.position], vectors=[long * shape.heading], radii=[0.25 * wide],
             colors=colours, labels=labels,
         )  # fmt: skip
     half = [side / 2.0 for side in shape.size]
     solid = "solid" if shape.group != "safety radius" else None
-    looks = {"centers": [shape.place], "half_sizes": [half], "colors": colours, "fill_mode": solid}
+    looks = {
+        "centers": [shape.position],
+        "half_sizes": [half],
+        "colors": colours,
+        "fill_mode": solid,
+    }
     if shape.kind is not Kind.BOX:
         return rr.Ellipsoids3D(**looks)
     turn = np.roll(rotations_to(shape.heading[None])[0], -1)
@@ -122,12 +127,12 @@ def _log_moving(stream: rr.RecordingStream, content: Content) -> None:
 def _plot(stream: rr.RecordingStream, numbers: Numbers) -> None:
     """Log each number over time; where it is unknown it is left out."""
     for name, values in numbers.values.items():
-        known = np.isfinite(values)
+        finite = np.isfinite(values)
         if numbers.topic == "h" and name != "h_tot":
             name = name.removeprefix("h_").replace(" ", "_")
-        if known.any():
-            columns = rr.Scalars.columns(scalars=values[known])
-            stream.send_columns(f"{numbers.topic}/{name}", [_at(numbers.t[known])], columns)
+        if finite.any():
+            columns = rr.Scalars.columns(scalars=values[finite])
+            stream.send_columns(f"{numbers.topic}/{name}", [_at(numbers.t[finite])], columns)
 
 
 def _at(t: Array) -> rr.TimeColumn:

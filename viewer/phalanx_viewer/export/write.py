@@ -95,10 +95,10 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
         "times": times,
     }
     # A tag or a comment in the data could end the element that holds them.
-    shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
+    text = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
     parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
-    parts = parts.replace("<!--LEGEND-->", legend(replay.model)).replace("/*DATA*/", shown)
+    parts = parts.replace("<!--LEGEND-->", legend(replay.model)).replace("/*DATA*/", text)
     return scene[:end] + parts + scene[end:]
 
 

@@ -92,7 +92,7 @@ class LiveHistory(History):
         plotted = [1, *(-1 if q.safe[0] is not None else 1 for q in QUANTITIES.values())]
         self._steps = _TimeSeries([1, *np.repeat(plotted, n), *np.zeros(2 * m, dtype=int)])
         """t; each of these numbers of every agent; all u; all u_nom. NaN before its first step."""
-        unknown = [(np.nan,) * (own.stop - own.start) for own in model.kinematics.inputs]
+        unknown = [(np.nan,) * (part.stop - part.start) for part in model.kinematics.inputs]
         self._no_steps = [
             AppliedStep(origin=Origin.QP, residual=None, solve_time=np.nan, u=u, u_nom=u)
             for u in unknown
@@ -189,8 +189,8 @@ class LiveHistory(History):
 
     def agent(self, i: int) -> AgentSeries:
         inputs = self._model.kinematics.inputs
-        n, m, own = len(inputs), inputs[-1].stop, inputs[i]
-        u = 1 + self._scalars * n + np.arange(own.start, own.stop)
+        n, m, part = len(inputs), inputs[-1].stop, inputs[i]
+        u = 1 + self._scalars * n + np.arange(part.start, part.stop)
         columns = [0, *(1 + k * n + i for k in range(self._scalars)), *u, *(u + m)]
         rows = self._steps.rows[:, columns]
         return agent_series(rows[~np.isnan(rows[:, series_width(0)])])

@@ -65,7 +65,7 @@ class Replay:
         # read and a write of it would be lost.
         self._cursor = threading.Lock()
         self._played_until = time.monotonic()
-        self._taken: tuple[int, bool, float] | None = None
+        self._last: tuple[int, bool, float] | None = None
 
     @property
     def end(self) -> float:
@@ -114,10 +114,14 @@ class Replay:
 
     def _until(self, t: float, violation: Violation) -> Violation:
         """A pair's excursions up to t [s]; their depth and duration are only known at the end."""
-        known = [line for line in self._crossings if line.pair == violation.pair and line.t <= t]
-        begins = [line.t for line in known if line.level is Level.ERROR]
+        crossings = [
+            line for line in self._crossings if line.pair == violation.pair and line.t <= t
+        ]
+        begins = [line.t for line in crossings if line.level is Level.ERROR]
         begins = [begin for begin in begins if begin <= violation.begin] or [violation.first]
-        ends = [line.t for line in known if line.level is Level.INFO] + [violation.end or np.inf]
+        ends = [line.t for line in crossings if line.level is Level.INFO] + [
+            violation.end or np.inf
+        ]
         end = min((end for end in ends if begins[-1] < end <= t), default=None)
         return replace(violation, count=len(begins), begin=begins[-1], end=end)
 
@@ -126,8 +130,8 @@ class Replay:
         before = SPACING * np.arange(path_points(len(self.model.names)))[::-1]
         # On a fixed grid of time, so that the path's points stand still while it grows.
         instants = np.floor(t / SPACING) * SPACING - before
-        known = instants[instants >= self.times[0]]
-        indices = [self.index_at(float(at)) for at in (*known, t)]
+        past = instants[instants >= self.times[0]]
+        indices = [self.index_at(float(at)) for at in (*past, t)]
         return np.asarray(self.history.trajectory[indices])
 
     def seek(self, t: float) -> None:
@@ -162,10 +166,10 @@ class Replay:
         with self._cursor:
             self._play_on()
             t, playing, speed = self.t, self.playing, self.speed
-        shown = self.index_at(t), playing, speed
-        if shown == self._taken:
+        state = self.index_at(t), playing, speed
+        if state == self._last:
             return None
-        self._taken = shown
+        self._last = state
         return replace(
             self.frame(t),
             paused=not playing,
@@ -186,19 +190,19 @@ class Replay:
     def _failed(self, t: float) -> tuple[Assumption, ...]:
         """Assumptions that had failed by t [s]; how often is only known at the end."""
         every = self.summary.assumptions if self.summary else ()
-        found = [a for a in every if a.first is not None and a.first <= t]
+        failed = [a for a in every if a.first is not None and a.first <= t]
         if t >= self.end:
-            return tuple(found)
+            return tuple(failed)
         # A note adds figures of the whole run to the assumption's own text.
-        return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in found)
+        return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in failed)
 
     def _link_events(self, t: float) -> tuple[LinkEvent, ...]:
-        found: dict[tuple[int, int], float] = {}
+        delays: dict[tuple[int, int], float] = {}
         for receiver, agent in enumerate(self._agents):
             for sender, delay in agent.delays(t - _EVENT_SHOWN, t):
                 link = int(sender), receiver
-                found[link] = worse(found.get(link, 0.0), delay)
-        return tuple(LinkEvent(*link, delay) for link, delay in found.items())
+                delays[link] = worse(delays.get(link, 0.0), delay)
+        return tuple(LinkEvent(*link, delay) for link, delay in delays.items())
 
 
 class _AgentSteps:
@@ -211,8 +215,8 @@ class _AgentSteps:
             np.cumsum([s.origin == origin for s in steps], dtype=int)
             for origin in (Origin.BACKUP, Origin.NO_AUTHORITY)
         )
-        place = {name: float(i) for i, name in enumerate(names)}
-        late = [(s.t_apply, place[sender], d) for s in steps for sender, _, d in s.fates if d]
+        index = {name: float(i) for i, name in enumerate(names)}
+        late = [(s.t_apply, index[sender], d) for s in steps for sender, _, d in s.fates if d]
         self._late = np.array(late).reshape(-1, 3)
         """t_apply [s], sender, delay [s] of the broadcasts to it that were delayed or lost."""
 
@@ -237,8 +241,8 @@ class _AgentSteps:
     def delays(self, after: float, until: float) -> list[list[float]]:
         """[sender, delay] of late and lost broadcasts, by steps applied in (after, until] [s]."""
         first, last = np.searchsorted(self._late[:, 0], [after, until], side="right")
-        found: list[list[float]] = self._late[first:last, 1:].tolist()
-        return found
+        delays: list[list[float]] = self._late[first:last, 1:].tolist()
+        return delays
 
 
 def open_replay(run: Path, trust: bool = False) -> Replay:

@@ -132,13 +132,13 @@ def verdict_text(frame: Frame, summary: Summary | None, unfinished: str) -> Mark
 
 
 def _interim_outcome(frame: Frame, when: str) -> Markup:
-    found, more = interim_outcome(frame), ""
-    if found == Outcome.VIOLATED:
+    outcome, more = interim_outcome(frame), ""
+    if outcome == Outcome.VIOLATED:
         worst = frame.violations[0]
         more = f": {worst.pair} from t = {worst.first:.3f} s on"
-    elif found == Outcome.SAFE:
+    elif outcome == Outcome.SAFE:
         more = ", not guaranteed"
-    return _text(element("b", f"{found} {when}"), more)
+    return _text(element("b", f"{outcome} {when}"), more)
 
 
 def agent_text(status: AgentStatus) -> Markup:
@@ -183,7 +183,7 @@ class CommandPanel:
             self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
             self._agent = gui.add_button_group("Agent", _on_agent(selected))
         self._speeds = dict[str, float]()
-        self._shown: tuple[float | None, ...] = None, None, None
+        self._last: tuple[float | None, ...] = None, None, None
         """Loss, delay and speed in the last frame."""
 
         def command(kind: CommandKind, value: Callable[[], float]) -> Callback:
@@ -209,18 +209,18 @@ class CommandPanel:
         """Set the fields to the plant's loss, delay and speed."""
         # Only what changed: otherwise a slider that a visitor has just moved would jump back before
         # the command is sent, and the command would carry the old value.
-        loss, delay, speed = self._shown
+        loss, delay, speed = self._last
         if frame.loss is not None and frame.loss != loss:
             self._loss.value = round(100.0 * frame.loss)  # type: ignore[misc]
         if frame.delay is not None and frame.delay != delay:
             self._delay.value = round(1000.0 * frame.delay)  # type: ignore[misc]
         if frame.speed != speed:
-            known = sorted({*_SPEEDS, frame.speed} - ({0.0} if self._live.real_time else set()))
-            names = [f"{s:g} ×" if s else "as fast as possible" for s in known]
-            self._speeds = dict(zip(names, known, strict=True))
+            speeds = sorted({*_SPEEDS, frame.speed} - ({0.0} if self._live.real_time else set()))
+            names = [f"{s:g} ×" if s else "as fast as possible" for s in speeds]
+            self._speeds = dict(zip(names, speeds, strict=True))
             self._speed.options = tuple(names)
-            self._speed.value = names[known.index(frame.speed)]  # type: ignore[misc]
-        self._shown = frame.loss, frame.delay, frame.speed
+            self._speed.value = names[speeds.index(frame.speed)]  # type: ignore[misc]
+        self._last = frame.loss, frame.delay, frame.speed
 
     def _command_pace(self) -> None:
         kind = CommandKind(self._pause.value.lower())

@@ -91,18 +91,18 @@ class Visitor:
 
     def _plot(self) -> None:
         now, rows = time.monotonic(), self._feed.history.totals
-        shown = self.selected, len(rows), len(self._feed.log)
-        if shown == self._plotted or now < self._plots_due:
+        state = self.selected, len(rows), len(self._feed.log)
+        if state == self._plotted or now < self._plots_due:
             return
         began, names = time.thread_time(), self._model.names
         others = [] if self._model.crowded else range(len(names))
         curves_of = [self.selected, *(i for i in others if i != self.selected)]
         seekable = isinstance(self._feed, Replay)
-        drawn = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
-        self._call("show", drawn)
-        self._pair, self.stale = drawn.pair, True
-        taken = time.thread_time() - began
-        self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
+        data = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
+        self._call("show", data)
+        self._pair, self.stale = data.pair, True
+        duration = time.thread_time() - began
+        self._plotted, self._plots_due = state, now + max(_PLOT_PERIOD, duration / _PLOT_SHARE)
 
     def _call(self, function: str, argument: object) -> None:
         """Call a function of the script with an argument as JSON."""

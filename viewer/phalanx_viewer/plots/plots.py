@@ -84,18 +84,18 @@ def content(
 def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, float | None]:
     """Values of the bold curves at a frame, by plot: the curves themselves are thinned."""
     model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
-    found: dict[str, float | None] = {_H_TOT: frame.h_tot, _WORST_PAIRS: model.values.h(pair, x)}
-    found[_DISTANCE] = smallest_distance(model.swarm, model.kinematics.poses(x).positions)
+    values: dict[str, float | None] = {_H_TOT: frame.h_tot, _WORST_PAIRS: model.values.h(pair, x)}
+    values[_DISTANCE] = smallest_distance(model.swarm, model.kinematics.poses(x).positions)
     psi = map(_PSI.format, model.values.psi_levels)
-    found |= zip(psi, model.values.higher_psi(x).tolist(), strict=True)
+    values |= zip(psi, model.values.higher_psi(x).tolist(), strict=True)
     if status.step is None:
-        return found
+        return values
     horizon = model.swarm.horizon(chosen)
     for quantity, number in zip(QUANTITIES.values(), numbers_of(status.step), strict=True):
-        shown = float(plotted(quantity, np.array(number, dtype=float), horizon))
-        found[quantity.title] = None if np.isnan(shown) else shown
+        value = float(plotted(quantity, np.array(number, dtype=float), horizon))
+        values[quantity.title] = None if np.isnan(value) else value
     inputs = model.swarm.members[chosen].dynamics.inputs
-    return found | dict(zip(map(_INPUT.format, inputs), status.step.u, strict=True))
+    return values | dict(zip(map(_INPUT.format, inputs), status.step.u, strict=True))
 
 
 class _Plots:
@@ -108,8 +108,8 @@ class _Plots:
         self._model, self._past = feed.model, feed.history
         self._curves_of, self._times = curves_of, times
         self.steps = {i: self._past.agent(i) for i in range(len(self._model.names))}
-        each = _POINTS_OF_ALL // max(len(curves_of), 1)
-        self._most = int(np.clip(each, _LEAST_POINTS, _MOST_POINTS))
+        points = _POINTS_OF_ALL // max(len(curves_of), 1)
+        self._most = int(np.clip(points, _LEAST_POINTS, _MOST_POINTS))
         h = self._past.pairs.h
         every = h.max(axis=0) if len(h) else np.zeros(1)
         self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
@@ -144,15 +144,15 @@ class _Plots:
         """Plot the numbers of all agents' steps, the inputs of some, and the lanes."""
         inputs = [
             Plot(
-                _INPUT.format(found.name), found.unit,
+                _INPUT.format(u.name), u.unit,
                 [
-                    curve(found.nominal, "nominal", role="guide", most=self._most),
-                    curve(found.applied.held(self._times[2]), agent=i, most=self._most),
+                    curve(u.nominal, "nominal", role="guide", most=self._most),
+                    curve(u.applied.held(self._times[2]), agent=i, most=self._most),
                 ],
-                found.bounds, of_agents=True, agent=i,
+                u.bounds, of_agents=True, agent=i,
             )
             for i in inputs_of
-            for found in input_curves(self._model.swarm, i, self.steps[i])
+            for u in input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
         plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
         return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
@@ -161,13 +161,13 @@ class _Plots:
         """Plot a number of every agent's control steps; many agents in an envelope."""
         swarm, lowest = self._model.swarm, quantity.safe[0] is not None
         series = step_series(swarm, name, self.steps)
-        own = [
+        curves = [
             curve(series[i], agent=i, most=self._most, lowest=lowest, highest=not lowest)
             for i in self._curves_of
         ]
         return Plot(
             quantity.title, plotted_unit(quantity, swarm),
-            [*bands(list(series.values())), *own] if self._model.crowded else own,
+            [*bands(list(series.values())), *curves] if self._model.crowded else curves,
             quantity.safe, logarithmic=quantity.in_horizons, of_agents=True,
         )  # fmt: skip
 
@@ -179,16 +179,16 @@ class _Plots:
         recorded, steps = len(past.broadcasts) > 0, list(self.steps.values())
         # A live run's frames do not hold every step: no agent counts as silent.
         taus = [swarm.horizon(i) if recorded else np.inf for i in self.steps]
-        found = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
-        shares = (np.ceil(9.0 * share) for share in found[:2])
-        drawn = [
+        late, lost, *states = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
+        shares = (np.ceil(9.0 * share) for share in (late, lost))
+        diagram = [
             Lane(*("".join(map(str, digits.astype(int).tolist())) for digits in of_agent))
-            for of_agent in zip(*shares, *found[2:], strict=True)
+            for of_agent in zip(*shares, *states, strict=True)
         ]
         if not recorded:
-            return [Plot("Links late and lost, backup", "", [], lanes=drawn)]
+            return [Plot("Links late and lost, backup", "", [], lanes=diagram)]
         title = "Late, lost, false; backup, silence"
-        return [Plot(title, "", [], lanes=drawn, zoom=self._zoom(steps))]
+        return [Plot(title, "", [], lanes=diagram, zoom=self._zoom(steps))]
 
     def _zoom(self, steps: Sequence[AgentSeries]) -> Zoom:
         """Plot the worst moment; with many agents, the chosen one's broadcasts alone."""
@@ -196,7 +196,7 @@ class _Plots:
         worst = float(rows[np.argmax(rows[:, 2]), 0])
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
         sent = self._past.broadcasts
-        seen = [
+        broadcasts = [
             (sender, t, receiver, arrival, FALSE if false else FATES[fate])
             for sender, receiver, t, arrival, fate, false in sent[
                 (begin <= sent.sent) & (sent.sent <= end)
@@ -204,7 +204,7 @@ class _Plots:
             if only in (None, sender, receiver)
         ]
         times = [s.sampled[(begin <= s.sampled) & (s.sampled <= end)].tolist() for s in steps]
-        return Zoom(begin, end, times, seen)
+        return Zoom(begin, end, times, broadcasts)
 
 
 def curve(
@@ -213,8 +213,8 @@ def curve(
 ) -> Curve:  # fmt: skip
     """Thin a series to a curve through its largest values, its smallest, or both."""
     t, y = series.known()
-    shown = kept(y, most, highest=highest, lowest=lowest)
-    return Curve(numbers(t[shown], 7), numbers(y[shown], 4), name=name, agent=agent, role=role)
+    indices = kept(y, most, highest=highest, lowest=lowest)
+    return Curve(numbers(t[indices], 7), numbers(y[indices], 4), name=name, agent=agent, role=role)
 
 
 def bands(curves: Sequence[Series]) -> list[Curve]:
@@ -246,35 +246,35 @@ def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
     if not len(rows):
         return []
     worst = rows[int(np.argmax(rows[:, 2]))]
-    found = [Mark(float(worst[0]), f"worst moment, h = {worst[2]:.4g}", "worst")]
+    marks = [Mark(float(worst[0]), f"worst moment, h = {worst[2]:.4g}", "worst")]
     backups = [s.t[s.empty == EMPTY_CODES[Origin.BACKUP]] for s in steps]
     if first := [float(t[0]) for t in backups if len(t)]:
-        found.append(Mark(min(first), "first backup", "backup"))
-    found += [Mark(v.first, f"{v.pair}: violated", "violation") for v in feed.violations]
+        marks.append(Mark(min(first), "first backup", "backup"))
+    marks += [Mark(v.first, f"{v.pair}: violated", "violation") for v in feed.violations]
     for t, agent, condition in feed.history.conditions:
-        found.append(Mark(t, f"agent {names[agent]}: {condition}", "fault"))
-    return found + [Mark(line.t, line.text) for line in feed.log]
+        marks.append(Mark(t, f"agent {names[agent]}: {condition}", "fault"))
+    return marks + [Mark(line.t, line.text) for line in feed.log]
 
 
 def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
     """Periods from a step with empty K_i until the next step without."""
-    found = []
+    periods = []
     for kind, value in EMPTY_CODES.items():
         held = np.concatenate([[False], steps.empty == value, [False]])
         edges = np.flatnonzero(np.diff(held.astype(int)))
         last = len(steps.t) - 1
         for begin, end in edges.reshape(-1, 2).tolist():
             t, until = steps.t[begin], steps.t[min(end, last)]
-            found.append(Period(agent, kind, float(t), float(until)))
-    return found
+            periods.append(Period(agent, kind, float(t), float(until)))
+    return periods
 
 
 def fault_periods(changes: Sequence[ConditionChange], end: float) -> list[Period]:
     """Periods from each change of condition to the agent's next, or to the end [s]."""
-    found = []
+    periods = []
     for k, change in enumerate(changes):
         later = (c.t for c in changes[k + 1 :] if c.agent == change.agent)
         if change.condition != Condition.FINE:
             until = next(later, end)
-            found.append(Period(change.agent, change.condition, change.t, until))
-    return found
+            periods.append(Period(change.agent, change.condition, change.t, until))
+    return periods

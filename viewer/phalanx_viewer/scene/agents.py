@@ -79,9 +79,9 @@ class AgentNodes:
         rings = np.where(picture.liars, _LIE_RADIUS * sizes, HIDDEN)
         above = p + single(np.outer(rings, [0.0, 0.0, 2.0]))  # the body, which is flat
         move(self._liars, above, rings)
-        known = np.isfinite(picture.goals[:, :1])
-        goals = np.where(known[:, 0], _GOAL_RADIUS * sizes, HIDDEN)
-        move(self.goals, np.where(known, picture.goals, 0.0), goals, colors=colours)
+        has_goal = np.isfinite(picture.goals[:, :1])
+        goals = np.where(has_goal[:, 0], _GOAL_RADIUS * sizes, HIDDEN)
+        move(self.goals, np.where(has_goal, picture.goals, 0.0), goals, colors=colours)
         if self._shadows:
             ground = np.column_stack([p[:, :2], np.full(len(p), self._floor)])
             move(self._shadows, ground, 0.7 * sizes)
@@ -110,10 +110,10 @@ class ArrowNodes:
             (self.u_nom, scale * picture.u_nom, 0.5 * size),
         ):
             lengths = np.linalg.norm(vectors, axis=1)
-            seen = lengths > _HEAD * size
-            cut = np.minimum(1.0, _LONGEST * size / lengths[seen])
-            tails = picture.positions[seen] + [0.0, 0.0, height]
-            heads = tails + cut[:, None] * vectors[seen]
+            visible = lengths > _HEAD * size
+            cut = np.minimum(1.0, _LONGEST * size / lengths[visible])
+            tails = picture.positions[visible] + [0.0, 0.0, height]
+            heads = tails + cut[:, None] * vectors[visible]
             arrows.points = single(np.stack([tails, heads], axis=1))
             widths = {"shaft_radius": 0.08 * size, "head_radius": 0.2 * size}
             update(arrows, head_length=_HEAD * size, **widths)
@@ -169,10 +169,10 @@ class LineNodes:
             self._drops.points = single(np.stack([p, ground], axis=1))
         links, colours = _NOTHING, np.zeros((1, 2, 3))
         every = np.full(len(picture.lost), True)
-        shown = picture.links_of(selected) if self._model.crowded else every
-        if shown.any():
-            links = picture.links[shown]
-            colour = np.where(picture.lost[shown, None], np.array(DANGER), np.array(LATE))
+        visible = picture.links_of(selected) if self._model.crowded else every
+        if visible.any():
+            links = picture.links[visible]
+            colour = np.where(picture.lost[visible, None], np.array(DANGER), np.array(LATE))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
         update(self.links, points=single(links), colors=colours.astype(np.uint8))
 

@@ -86,13 +86,13 @@ class View:
     def spans(self, points: Array) -> Array:
         """Length that fills the shorter side of the picture at each point [m], shape (N,)."""
         depths = np.maximum((points - self.position) @ self.axes[2], 1e-6)
-        found: Array = 2.0 * np.tan(self.fov / 2.0) * min(1.0, self.aspect) * depths
-        return found
+        lengths: Array = 2.0 * np.tan(self.fov / 2.0) * min(1.0, self.aspect) * depths
+        return lengths
 
     def project(self, points: Array) -> Array:
         """Project points, shape (N, 3): right and up of the middle, in shorter sides, (N, 2)."""
-        found: Array = (points - self.position) @ self.axes[:2].T / self.spans(points)[:, None]
-        return found
+        projected: Array = (points - self.position) @ self.axes[:2].T
+        return projected / self.spans(points)[:, None]
 
     def holds(self, points: Array) -> bool:
         """True if all points, shape (N, 3), are in the picture."""
@@ -124,8 +124,8 @@ class View:
         pull = towards - self.look_at
         slack = leash * float(self.spans(self.look_at[None])[0])
         length = max(float(np.linalg.norm(pull)), 1e-9)
-        found: Array = self.look_at + max(0.0, 1.0 - slack / length) * pull
-        return found
+        point: Array = self.look_at + max(0.0, 1.0 - slack / length) * pull
+        return point
 
     def moved(self, look_at: Array, distance: float) -> Self:
         """Return a view of another point from another distance [m], in the same direction."""
@@ -160,11 +160,11 @@ class _Moved:
     sent_before: deque[View] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     """Earlier views: a slow browser may still report the first one after the last was sent."""
 
-    def on_report(self, seen: View) -> None:
+    def on_report(self, view: View) -> None:
         """Handle a view that the browser reports: one that it was not sent is the visitor's."""
-        if not any(_expected(seen, sent) for sent in (self.sent, *self.sent_before)):
-            self.zoom *= seen.distance / self.sent.distance
-            self.sent = seen
+        if not any(_expected(view, sent) for sent in (self.sent, *self.sent_before)):
+            self.zoom *= view.distance / self.sent.distance
+            self.sent = view
             self.sent_before.clear()
 
     def send(self, client: viser.ClientHandle, view: View) -> None:
@@ -197,7 +197,7 @@ class Camera:
     def expect(self, positions: Array) -> None:
         """Begin with a view of all of these positions of a run, shape (s, 3)."""
         self._run, self._first = positions, self._first.fitted(positions, self._reach)
-        self._known = positions.min(axis=0), positions.max(axis=0)
+        self._bounds = positions.min(axis=0), positions.max(axis=0)
 
     def keep(self, framing: Framing) -> None:
         """Set the part of the run that is shown; one agent from the visitor's distance."""
@@ -228,43 +228,43 @@ class Camera:
             self._follow(self._client, view, positions, only)
         return view
 
-    def _fit_run(self, client: viser.ClientHandle, seen: View, positions: Array) -> None:
+    def _fit_run(self, client: viser.ClientHandle, view: View, positions: Array) -> None:
         """Show the whole run once, and when the picture's shape or the known run changed."""
-        moved, (low, high) = self._moved, self._known
+        moved, (low, high) = self._moved, self._bounds
         beyond = np.maximum(positions - high, low - positions).max() > self._reach
         if beyond:  # a live run goes on: show more than it has reached, so that this is seldom
             middle = (low + high) / 2.0
             self._run = np.concatenate([self._run, middle + _LOOSE * (positions - middle)])
-            self._known = self._run.min(axis=0), self._run.max(axis=0)
-        if moved is None or beyond or not _close(moved.sent.aspect, seen.aspect):
+            self._bounds = self._run.min(axis=0), self._run.max(axis=0)
+        if moved is None or beyond or not _close(moved.sent.aspect, view.aspect):
             # A new visitor has no direction of its own, and its camera may not be in place yet.
-            towards = self._first if moved is None else seen
-            towards = replace(towards, aspect=seen.aspect, pixels=seen.pixels)
+            towards = self._first if moved is None else view
+            towards = replace(towards, aspect=view.aspect, pixels=view.pixels)
             fitted = towards.fitted(self._run, self._reach)
-            self._moved = _Moved(seen, fitted.distance)
+            self._moved = _Moved(view, fitted.distance)
             self._moved.send(client, fitted)
 
     def _follow(
-        self, client: viser.ClientHandle, seen: View, positions: Array, only: int | None
+        self, client: viser.ClientHandle, view: View, positions: Array, only: int | None
     ) -> None:
         moved = self._moved
         if moved is None:  # the camera may not be in place yet
-            first = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
-            moved = self._moved = _Moved(seen, first.distance)
-            seen = first
+            first = replace(self._first, aspect=view.aspect, pixels=view.pixels)
+            moved = self._moved = _Moved(view, first.distance)
+            view = first
         else:
-            if not _close(seen.distance, self._first.distance):  # where every browser begins
-                moved.on_report(seen)
-            if not _close(seen.distance, moved.sent.distance):  # the view sent is on its way
-                seen = replace(moved.sent, aspect=seen.aspect, pixels=seen.pixels)
-        fitted = seen.fitted(positions if only is None else positions[[only]], self._reach)
+            if not _close(view.distance, self._first.distance):  # where every browser begins
+                moved.on_report(view)
+            if not _close(view.distance, moved.sent.distance):  # the view sent is on its way
+                view = replace(moved.sent, aspect=view.aspect, pixels=view.pixels)
+        fitted = view.fitted(positions if only is None else positions[[only]], self._reach)
         look_at = fitted.look_at
         if only is None:
             if _TIGHT <= moved.fit / fitted.distance <= _LOOSE:
-                look_at = seen.pulled(look_at, _LEASH)
+                look_at = view.pulled(look_at, _LEASH)
             else:
                 moved.fit = _ROOM * fitted.distance
-        moved.send(client, seen.moved(look_at, moved.fit * moved.zoom))
+        moved.send(client, view.moved(look_at, moved.fit * moved.zoom))
 
     def _view(self, client: viser.ClientHandle) -> View:
         camera, fov = client.camera, self._first.fov
@@ -272,26 +272,26 @@ class Camera:
         # Only request_shape() changes the field of view, invisibly; everything that is sized by it
         # would be sent again each time.
         position, look_at, up = camera.position, camera.look_at, camera.up_direction
-        seen = View(position, look_at, up, fov, wide / high, min(wide, high))
+        view = View(position, look_at, up, fov, wide / high, min(wide, high))
         if self._moved is None or looks_at(look_at, position, camera.wxyz):
-            return seen
+            return view
         # A browser that reports before it has drawn the view that it was sent gives the new point
         # that it looks at, but its old position: together a tilted direction.
-        return replace(self._moved.sent, aspect=seen.aspect, pixels=seen.pixels)
+        return replace(self._moved.sent, aspect=view.aspect, pixels=view.pixels)
 
 
 def _close(a: float, b: float) -> bool:
     return abs(a - b) <= _SAME * b
 
 
-def _expected(seen: View, sent: View) -> bool:
+def _expected(reported: View, sent: View) -> bool:
     """True if a browser that was sent one view may report the other.
 
     viser takes over a new view position first: a report meanwhile leaves it with the position of
     one view and the middle of the other. A visitor who zooms changes the position too.
     """
-    there = np.abs(seen.position - sent.position).max() <= _EXACT * sent.distance
-    return bool(there) or _close(seen.distance, sent.distance)
+    there = np.abs(reported.position - sent.position).max() <= _EXACT * sent.distance
+    return bool(there) or _close(reported.distance, sent.distance)
 
 
 def _steady(a: View, b: View) -> bool:

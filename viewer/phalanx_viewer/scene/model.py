@@ -1,7 +1,7 @@
 """The scene model: a scenario's swarm, its poses and static geometry, ready to draw."""
 
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 from typing import NamedTuple
 
 import casadi as ca
@@ -37,16 +37,16 @@ class Kinematics:
     """Maps from a swarm's state and inputs to poses and arrows."""
 
     def __init__(self, composed: ComposedSet) -> None:
-        own = list(zip(composed.members, composed.parts, strict=True))
-        headings = [_heading(m.dynamics, composed.x[part]) for m, part in own]
+        agents = list(zip(composed.members, composed.parts, strict=True))
+        headings = [_heading(m.dynamics, composed.x[part]) for m, part in agents]
         positions = ca.vertcat(*[_in_space(p) for p in composed.positions])
         self._poses = CompiledFunction([composed.x], [positions, ca.vertcat(*headings)])
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in composed.members])
         """Each agent's slice of the stacked inputs."""
         u = ca.SX.sym("u", self.inputs[-1].stop)
         effects = [
-            _effect(m.dynamics, composed.x[part], u[given])
-            for (m, part), given in zip(own, self.inputs, strict=True)
+            _effect(m.dynamics, composed.x[part], u[inputs])
+            for (m, part), inputs in zip(agents, self.inputs, strict=True)
         ]
         self._effects = CompiledFunction([composed.x, u], [ca.vertcat(*effects)])
 
@@ -57,8 +57,8 @@ class Kinematics:
 
     def effects(self, x: Array, u: Array) -> Array:
         """Effects of inputs, shape (Σ m_i,), on the lowest derivative of p they reach, (N, 3)."""
-        found: Array = self._effects(x, u)[0].reshape(-1, 3)
-        return found
+        effects: Array = self._effects(x, u)[0].reshape(-1, 3)
+        return effects
 
 
 def _in_space(p: ca.SX) -> ca.SX:
@@ -143,13 +143,13 @@ class StaticGeometry:
 
         For a limit, which is everywhere, p itself.
         """
-        found = self._scenario.static[obstacle]
-        if isinstance(found, Boundary):
+        boundary = self._scenario.static[obstacle]
+        if isinstance(boundary, Boundary):
             return p
-        if isinstance(found, Wall):
-            normal = in_space(found.unit_normal)
-            return np.asarray(p + (found.offset - normal @ p) * normal)
-        return in_space(np.array(found.center))
+        if isinstance(boundary, Wall):
+            normal = in_space(boundary.unit_normal)
+            return np.asarray(p + (boundary.offset - normal @ p) * normal)
+        return in_space(np.array(boundary.center))
 
 
 class SceneModel:
@@ -178,9 +178,9 @@ class SceneModel:
         """Opposite corners of a box around the start, obstacles and the formation's path [m]."""
         start = self.kinematics.poses(self.swarm.start()).positions
         centers = [center[None] for center, _ in self.static.spheres]
-        known = np.concatenate([start, self.static.path, *centers, *self.static.outlines])
+        points = np.concatenate([start, self.static.path, *centers, *self.static.outlines])
         reach = 4.0 * self.body
-        return known.min(axis=0) - reach, known.max(axis=0) + reach
+        return points.min(axis=0) - reach, points.max(axis=0) + reach
 
     @property
     def corners(self) -> Array:
@@ -199,10 +199,10 @@ class SceneModel:
         It is unknown too where it depends on what the agent saw before, or is a user's own.
         """
         states = {l: x[part] for l, part in enumerate(self.swarm.safe_set.parts)}
-        found = np.full((len(self.names), 3), np.nan)
+        goals = np.full((len(self.names), 3), np.nan)
         for i, goal in self._goals.items():
-            found[i] = in_space(goal(t, states).position)
-        return found
+            goals[i] = in_space(goal(t, states).position)
+        return goals
 
     @cached_property
     def _goals(self) -> dict[int, AgentGoal]:
@@ -216,23 +216,23 @@ class SceneModel:
 
     def ends(self, pair: int, positions: Array) -> tuple[Array, Array]:
         """Positions of a pair's two sides [m], shapes (3,); positions has shape (N, 3)."""
-        found = self.swarm.safe_set.pairs[pair]
-        first = positions[found.a]
-        if found.b < len(positions):
-            return first, positions[found.b]
-        return first, self.static.nearest(found.b - len(positions), first)
+        sides = self.swarm.safe_set.pairs[pair]
+        first = positions[sides.a]
+        if sides.b < len(positions):
+            return first, positions[sides.b]
+        return first, self.static.nearest(sides.b - len(positions), first)
 
     def agents_of(self, pairs: list[int]) -> set[int]:
         """The agents that are in one of the pairs."""
-        found = [self.swarm.safe_set.pairs[pair] for pair in pairs]
-        return {side for pair in found for side in pair if side < len(self.names)}
+        sides = chain.from_iterable(self.swarm.safe_set.pairs[pair] for pair in pairs)
+        return {side for side in sides if side < len(self.names)}
 
     def pair_text(self, pair: int, x: Array, positions: Array) -> str:
         """A pair's distance and h at a state, shape (n̄,), as text."""
         a, b = self.ends(pair, positions)
-        found = f"h = {self.values.h(pair, x):.3g}"
+        h = f"h = {self.values.h(pair, x):.3g}"
         # A limit has no position of its own.
-        return found if a is b else f"{np.linalg.norm(a - b):.2f} m, {found}"
+        return h if a is b else f"{np.linalg.norm(a - b):.2f} m, {h}"
 
     def label(self, pair: int) -> str:
         """A pair's name, such as "1-2"."""

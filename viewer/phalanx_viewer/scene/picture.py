@@ -80,17 +80,17 @@ class Picture:
 
     def links_of(self, i: int | None) -> Mask:
         """True for links that agent i sends or receives on, shape (l,)."""
-        found: Mask = (self.link_agents == (-1 if i is None else i)).any(axis=1)
-        return found
+        mask: Mask = (self.link_agents == (-1 if i is None else i)).any(axis=1)
+        return mask
 
 
 def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Array:
     """Each agent's input as an arrow, shape (N, 3); zero for an agent without one."""
     parts = model.kinematics.inputs
     u = np.zeros(parts[-1].stop)
-    for own, given in zip(parts, inputs, strict=True):
-        if given:
-            u[own] = given
+    for part, values in zip(parts, inputs, strict=True):
+        if values:
+            u[part] = values
     return model.kinematics.effects(x, u)
 
 
@@ -127,7 +127,7 @@ class Kind(Enum):
     """A kind of shape; the text says what its size means."""
 
     ARROW = auto()
-    """Tail at its place, along x: length, and the head's width and height."""
+    """Tail at its position, along x: length, and the head's width and height."""
     TEXT = auto()
     """Only the last: its height."""
     BALL = auto()
@@ -149,7 +149,7 @@ class Shape(NamedTuple):
     """Within the group."""
     kind: Kind
     colour: Colour
-    place: Array = _ORIGIN
+    position: Array = _ORIGIN
     """[m], shape (3,)"""
     heading: Array = _NO_TURN
     """Unit vector along its x-axis, shape (3,); zero: not rotated."""
@@ -162,18 +162,18 @@ class Shape(NamedTuple):
 
 
 def agent_shapes(
-    model: SceneModel, i: int, colour: Colour, place: Array = _ORIGIN, heading: Array = _AHEAD
+    model: SceneModel, i: int, colour: Colour, position: Array = _ORIGIN, heading: Array = _AHEAD
 ) -> Iterator[Shape]:
-    """An agent's arrow, name and safety radius, at a place; by default in its own frame."""
+    """An agent's arrow, name and safety radius, at a position; by default in its own frame."""
     body, reach = model.body, 2.0 * model.radius
     size = 2.0 * body, body, body
-    yield Shape("agent", i, Kind.ARROW, colour, place - body * heading, heading, size)
-    above = place + 1.5 * body * _UP
+    yield Shape("agent", i, Kind.ARROW, colour, position - body * heading, heading, size)
+    above = position + 1.5 * body * _UP
     yield Shape("name", i, Kind.TEXT, colour, above, size=(0.0, 0.0, body), text=model.names[i])
     if reach:
         kind, height = (Kind.DISC, _THIN) if model.flat else (Kind.BALL, reach)
         size = reach, reach, height
-        yield Shape("safety radius", i, kind, colour, place, size=size, opacity=_FAINT)
+        yield Shape("safety radius", i, kind, colour, position, size=size, opacity=_FAINT)
 
 
 def static_shapes(model: SceneModel) -> Iterator[Shape]:
@@ -183,8 +183,8 @@ def static_shapes(model: SceneModel) -> Iterator[Shape]:
         yield Shape("obstacle", k, Kind.BALL, OBSTACLE, center, size=(2.0 * radius,) * 3)
     thick, long = _WALL
     for k, (surface, normal) in enumerate(static.walls):
-        place, size = surface + 0.5 * thick * normal, (thick, long, long)
-        yield Shape("wall", k, Kind.BOX, OBSTACLE, place, normal, size, 2.0 * _FAINT)
+        position, size = surface + 0.5 * thick * normal, (thick, long, long)
+        yield Shape("wall", k, Kind.BOX, OBSTACLE, position, normal, size, 2.0 * _FAINT)
     for k, line in enumerate(static.outlines):
         yield Shape("limit", k, Kind.LINE, OBSTACLE, points=line)
     if len(static.path):

@@ -132,8 +132,8 @@ def open_page(
     names = dict.fromkeys((host, "127.0.0.1", "localhost"))
     for _ in range(_TRIED):
         chosen = choose_port(host, port)
-        own = [f"http://{name}:{chosen}" for name in names]
-        server = SceneServer(host, chosen, title, (*own, *origins))
+        local = [f"http://{name}:{chosen}" for name in names]
+        server = SceneServer(host, chosen, title, (*local, *origins))
         if server.get_port() == chosen:
             server.gui.configure_theme(
                 show_logo=False, show_share_button=False, control_width="medium"

@@ -91,8 +91,8 @@ def _draw_fence(
 ) -> None:
     """Draw the line where a wall's panel meets the plane, hatched on its far side."""
     along = np.cross([0.0, 0.0, 1.0], normal)
-    places = corners @ along
-    begin, end = (corners[k] * [1.0, 1.0, 0.0] for k in (places.argmin(), places.argmax()))
+    offsets = corners @ along
+    begin, end = (corners[k] * [1.0, 1.0, 0.0] for k in (offsets.argmin(), offsets.argmax()))
     steps = max(int(np.linalg.norm(end - begin) / step), 1)
     feet = begin + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - begin)
     hatches = np.stack([feet, feet + 0.7 * step * (normal - along)], axis=1)
@@ -138,11 +138,11 @@ def _clipped(corners: Array, keep: HalfSpace) -> Array:
     """Clip a convex polygon to a half-space (Sutherland-Hodgman)."""
     normal, offset = keep
     beyond = corners @ normal - offset
-    found: list[Array] = []
+    clipped: list[Array] = []
     for k, corner in enumerate(corners):
         last, last_beyond = corners[k - 1], beyond[k - 1]
         if (last_beyond > 0.0) != (beyond[k] > 0.0):
-            found.append(last + last_beyond / (last_beyond - beyond[k]) * (corner - last))
+            clipped.append(last + last_beyond / (last_beyond - beyond[k]) * (corner - last))
         if beyond[k] <= 0.0:
-            found.append(corner)
-    return np.array(found).reshape(-1, 3)
+            clipped.append(corner)
+    return np.array(clipped).reshape(-1, 3)

@@ -77,12 +77,12 @@ class Panel:
 
 def banner(unsafe: list[str], past: list[str]) -> Markup:
     """A banner with lines about unsafe pairs, or about past ones; nothing without either."""
-    shown, kind = (unsafe, "") if unsafe else (past, " phalanx-past")
-    if not shown:
+    text, kind = (unsafe, "") if unsafe else (past, " phalanx-past")
+    if not text:
         return markup()
-    left = len(shown) - _LINES
-    more = [f"and {left} more pair{'s' * (left > 1)}"] if left > 0 else []
-    lines = [element("div", line) for line in (*shown[:_LINES], *more)]
+    rest = len(text) - _LINES
+    more = [f"and {rest} more pair{'s' * (rest > 1)}"] if rest > 0 else []
+    lines = [element("div", line) for line in (*text[:_LINES], *more)]
     return element("div", *lines, kind=f"phalanx-over phalanx-alarm{kind}", role="alert")
 
 
@@ -138,49 +138,50 @@ class LabelNodes:
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Show the texts that there is room for; sizes of the bodies [m], shape (N,)."""
-        whose, texts, places = self._wanted(picture, selected, sizes, view)
-        on_page = [view.project(each) / view.enlargement for each in places]
-        shown = place_texts(on_page, [len(text) for text in texts])[: len(self._nodes)]
-        for node, (k, place) in zip(self._nodes, shown, strict=False):
+        agents, texts, candidates = self._candidates(picture, selected, sizes, view)
+        on_page = [view.project(points) / view.enlargement for points in candidates]
+        choices = place_texts(on_page, [len(text) for text in texts])[: len(self._nodes)]
+        for node, (k, choice) in zip(self._nodes, choices, strict=False):
             update(node, text=texts[k], visible=True)
-            node.position = tuple(places[k][place])
-        for node in self._nodes[len(shown) :]:
+            node.position = tuple(candidates[k][choice])
+        for node in self._nodes[len(choices) :]:
             node.visible = False
-        of_pair = whose.index(_PAIR)
-        chosen = dict(shown).get(of_pair)
+        pair = agents.index(_PAIR)
+        chosen = dict(choices).get(pair)
         self._leader.visible = chosen is not None
-        ends = np.mean(picture.worst_pair, axis=0), places[of_pair][chosen or 0]
+        ends = np.mean(picture.worst_pair, axis=0), candidates[pair][chosen or 0]
         self._leader.points = single(np.array([ends]))
 
-    def _wanted(
+    def _candidates(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
     ) -> tuple[list[int], list[str], list[Array]]:
-        """Agents (or _PAIR) by importance, their texts, and each one's places, shapes (c, 3)."""
+        """Agents (or _PAIR) by importance, their texts, and positions of each, shapes (c, 3)."""
         model = self._model
         chosen = [] if selected is None else [selected]
         first = list(dict.fromkeys([*np.flatnonzero(picture.unsafe_agents).tolist(), *chosen]))
         others = [] if model.crowded else range(len(model.names))
         later = dict.fromkeys([*sorted(model.agents_of([picture.pair])), *others])
-        whose = [*first, _PAIR, *(i for i in later if i not in first)]
-        texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in whose]
+        agents = [*first, _PAIR, *(i for i in later if i not in first)]
+        texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in agents]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
         letters = len(picture.worst_pair_text)
         at_pair = text_places(*picture.worst_pair, letters, clear_of, view)
         around = [
-            at_pair if i == _PAIR else self._around(picture, i, sizes[i], view) for i in whose
+            at_pair if i == _PAIR else self._around(picture, i, sizes[i], view) for i in agents
         ]
-        counts = [8 if i in first else 2 for i in whose]
-        return whose, texts, [at[:count] for at, count in zip(around, counts, strict=True)]
+        counts = [8 if i in first else 2 for i in agents]
+        return agents, texts, [at[:count] for at, count in zip(around, counts, strict=True)]
 
     def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
-        """Places for an agent's name: above it and seven others around it, shape (8, 3)."""
+        """Positions for an agent's name: above it and seven others around it, shape (8, 3)."""
         at, (right, up, _) = picture.positions[i], view.axes
         letter = view.enlargement * float(view.spans(at[None])[0])
         high = (1.1 * size + 0.5 * _LINE * letter) * up
         wide = (1.1 * size + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
         sides = [high, -high, wide, -wide]
-        found: Array = at + np.array([*sides, high + wide, high - wide, wide - high, -high - wide])
-        return found
+        corners = [high + wide, high - wide, wide - high, -high - wide]
+        middles: Array = at + np.array([*sides, *corners])
+        return middles
 
 
 def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
@@ -201,19 +202,19 @@ def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> A
     return both if y[0] > _LEGEND else both[::-1]
 
 
-def place_texts(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
-    """Choose texts that do not overlap, and their places, by index; the first ones have priority.
+def place_texts(candidates: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
+    """Choose texts that do not overlap, and their positions, by index; the first have priority.
 
-    places: possible places of each in a usual picture, in its shorter sides, shapes (c, 2).
+    candidates: positions for each in a usual picture, in its shorter sides, shapes (c, 2).
     letters: length of each.
     """
-    shown: list[tuple[int, int]] = []
-    taken: list[tuple[float, float, float]] = []
-    for k, (possible, count) in enumerate(zip(places, letters, strict=True)):
+    choices: list[tuple[int, int]] = []
+    areas: list[tuple[float, float, float]] = []
+    for k, (positions, count) in enumerate(zip(candidates, letters, strict=True)):
         half = LETTER * (count + 1.0) / 2.0
-        for place, (x, y) in enumerate(possible.tolist()):
-            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in taken):
-                shown.append((k, place))
-                taken.append((x, y, half))
+        for choice, (x, y) in enumerate(positions.tolist()):
+            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in areas):
+                choices.append((k, choice))
+                areas.append((x, y, half))
                 break
-    return shown
+    return choices
