@@ -36,13 +36,13 @@ class StepResult(Struct, frozen=True):
 
     def report(self, solve_time: float) -> StepReport:
         """Make the report of the decision; solve_time: its wall time [s]."""
-        made = self.decision
+        decision = self.decision
         return StepReport(
             u_nom=tuple(self.u_nom.tolist()),
-            origin=made.origin,
-            residual=made.residual,
-            margin=made.margin,
-            proven=made.proven,
+            origin=decision.origin,
+            residual=decision.residual,
+            margin=decision.margin,
+            proven=decision.proven,
             solve_time=solve_time,
         )
 
@@ -51,11 +51,11 @@ class AgentController(Protocol):
     """One agent's controller: its own, or its part of the centralised one."""
 
     def __call__(
-        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide on the stacked state x, shape (n̄,), sampled at t [s].
 
-        x is NaN for agents that are not in `seen`.
+        x is NaN for agents that are not in `visible`.
         """
 
     def as_adversary(self) -> "AgentController":
@@ -77,27 +77,27 @@ class DistributedController:
         self._filter = rows.filter(i)
         if swarm.safety.prove and not swarm.members[i].adversary:
             self._filter = ProvenFilter(rows, i, self._filter)
-        self._own = own_controller(rows, i, certified_for(swarm, i))
+        self._override = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 
     def __call__(
-        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
-        view = self._view(x, seen, t)
+        view = self._view(x, visible, t)
         u_nom = self._nominal(view)
-        if self._own is not None:
-            decision, notes = self._own(view, u_nom, x, seen, t, received)
+        if self._override is not None:
+            decision, notes = self._override(view, u_nom, x, visible, t, received)
             return StepResult(decision, u_nom, [], notes)
-        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received)
+        now = FilterInput(t + self._latency, x, visible, view.terms, u_nom, received)
         filtered = self._filter(now)
         return StepResult(filtered.decision, u_nom, filtered.used)
 
-    def _view(self, x: Array, seen: tuple[int, ...], t: float) -> View:
-        i, terms = self._i, self._terms(x, seen)
-        states = {l: x[self._parts[l]] for l in seen}
+    def _view(self, x: Array, visible: tuple[int, ...], t: float) -> View:
+        i, terms = self._i, self._terms(x, visible)
+        states = {l: x[self._parts[l]] for l in visible}
         goal = self._goal(t, states)
-        normal = [l for l in seen if not self._members[l].adversary]
+        normal = [l for l in visible if not self._members[l].adversary]
         return View(i, states, normal, goal, terms, t)
 
     def as_adversary(self) -> Self:
@@ -106,7 +106,7 @@ class DistributedController:
         self._members = rows.swarm.members
         self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
-        self._own = None
+        self._override = None
         return self
 
 
@@ -117,11 +117,11 @@ class HijackedController:
         self._honest, self._attack = honest, attack
 
     def __call__(
-        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
-        claimed = self._honest(x, seen, t, received).decision.u
-        return replace(self._attack(x, seen, t, received), claimed=claimed)
+        claimed = self._honest(x, visible, t, received).decision.u
+        return replace(self._attack(x, visible, t, received), claimed=claimed)
 
     def as_adversary(self) -> AgentController:
         """Attack openly."""
@@ -175,7 +175,7 @@ class CentralisedPart:
         self._whole, self._i = whole, i
 
     def __call__(
-        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does; the centralised one sees all."""
         return self._whole.at(x, t)[self._i]

@@ -288,8 +288,8 @@ def _most_fates(swarm: Swarm) -> int:
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
     conviction = _HEAD + _INT + 3 * _FLOAT
-    each = age + received + conviction
-    other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * each
+    per_agent = age + received + conviction
+    other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * per_agent
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
     return max((MAX_BYTES - other_fields) // fate, 1)

@@ -106,11 +106,11 @@ class CommandQueue:
             now: virtual time reached [s].
             idle: called while waiting for a resume, or for the wall clock.
         """
-        taken = self._scheduled(t)
+        commands = self._scheduled(t)
         while True:
             wait = self.pace.wait(t)
             if wait <= 0 and not self._live.queue:
-                return taken
+                return commands
             try:
                 command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _POLL)))
             except queue.Empty:
@@ -118,16 +118,16 @@ class CommandQueue:
                 idle()
                 continue
             self._set_pace(command, now)
-            taken.append(msgspec.structs.replace(command, t=t, fault=-1))
+            commands.append(msgspec.structs.replace(command, t=t, fault=-1))
 
     def due(self, now: float) -> list[Command]:
         """Return the commands that take effect now [s], in real time."""
-        taken = self._scheduled(now)
+        commands = self._scheduled(now)
         while not self._live.empty():
             command = self._live.get()
             self._set_pace(command, now)
-            taken.append(msgspec.structs.replace(command, t=now, fault=-1))
-        return taken
+            commands.append(msgspec.structs.replace(command, t=now, fault=-1))
+        return commands
 
     def declare(self, commands: Iterable[Command]) -> None:
         """Schedule these too, before others of the same times."""
@@ -139,10 +139,10 @@ class CommandQueue:
         self._schedule = _in_order([*self._schedule, command])
 
     def _scheduled(self, t: float) -> list[Command]:
-        taken = []
+        due = []
         while self._schedule and self._schedule[0].t <= t:
-            taken.append(self._schedule.popleft())
-        return taken
+            due.append(self._schedule.popleft())
+        return due
 
     def _set_pace(self, command: Command, now: float) -> None:
         match command.kind:
@@ -178,31 +178,32 @@ def declared(swarm: Swarm) -> list[Command]:
 
     Of faults that overlap at one agent and have the same effect, only the last to end ends it.
     """
-    found, again, occurrences = list[Command](), list[Command](), swarm.links.occurrences
+    commands, renewals, occurrences = list[Command](), list[Command](), swarm.links.occurrences
     ends = _ends(occurrences)
-    for each in occurrences:
-        begins_with, ends_with = each.fault.begins_with, each.fault.ends_with
+    for occurrence in occurrences:
+        agent, fault, number = occurrence.agent, occurrence.fault, occurrence.number
+        begins_with, ends_with = fault.begins_with, fault.ends_with
         if begins_with is not None:
-            found.append(Command(each.begin, begins_with, each.agent, fault=each.number))
-        if ends_with is not None and each.end in ends[each.agent, begins_with]:
-            found.append(Command(each.end, ends_with, each.agent, fault=each.number))
+            commands.append(Command(occurrence.begin, begins_with, agent, fault=number))
+        if ends_with is not None and occurrence.end in ends[agent, begins_with]:
+            commands.append(Command(occurrence.end, ends_with, agent, fault=number))
         if begins_with is CommandKind.FREEZE:
             # A process that is replaced during a pause begins paused.
-            again += [
-                Command(t, begins_with, each.agent, fault=each.number)
-                for t in ends.get((each.agent, CommandKind.KILL), ())
-                if each.in_force(t)
+            renewals += [
+                Command(t, begins_with, agent, fault=number)
+                for t in ends.get((agent, CommandKind.KILL), ())
+                if occurrence.in_force(t)
             ]
-    return [*found, *again]
+    return [*commands, *renewals]
 
 
 def _ends(occurrences: Iterable[Occurrence]) -> dict[tuple[str, CommandKind | None], set[float]]:
     """Merge occurrences that overlap or touch, and return the ends [s] by agent and effect."""
     merged = defaultdict[tuple[str, CommandKind | None], list[float]](list)
-    for each in sorted(occurrences, key=_BEGIN):
-        ends = merged[each.agent, each.fault.begins_with]
-        last = ends.pop() if ends and each.begin <= ends[-1] else each.end
-        ends.append(max(last, each.end))
+    for occurrence in sorted(occurrences, key=_BEGIN):
+        ends = merged[occurrence.agent, occurrence.fault.begins_with]
+        last = ends.pop() if ends and occurrence.begin <= ends[-1] else occurrence.end
+        ends.append(max(last, occurrence.end))
     return {effect: set(ends) for effect, ends in merged.items()}
 
 

@@ -153,22 +153,22 @@ class Lockstep:
         self._advance(t, due)
         state, samples = self.world.integration, list[Sampled]()
         for i, visible in zip(due, self._sampling.sensing.visible(state.p, due), strict=True):
-            taken = self._sampling.take(i, t, state.x, visible)
-            samples.append(Sampled(i, t, taken.truthful))
-            self._newest[i] = _PendingInput(i, taken.sample.k, t, self._schedule.loses_input(i))
-            self._agents.send_sample(i, taken.sample)
+            sample, truthful = self._sampling.take(i, t, state.x, visible)
+            samples.append(Sampled(i, t, truthful))
+            self._newest[i] = _PendingInput(i, sample.k, t, self._schedule.loses_input(i))
+            self._agents.send_sample(i, sample)
         return samples
 
     def _advance(self, t: float, due: list[int]) -> None:
         """Integrate to t [s], and wait until all states that those due can see are known."""
         synchronization = self._synchronization
         synchronization.advance(t)
-        while wanted := synchronization.required(due):
+        while required := synchronization.required(due):
             self._apply_and_judge()
-            if wanted[0] in synchronization.unknown:
-                pending = self._newest[wanted[0]]
+            if required[0] in synchronization.unknown:
+                pending = self._newest[required[0]]
                 u = self._agents.await_input(pending.i)
-                self._early[pending] = self._known(pending, u)
+                self._early[pending] = self._settle(pending, u)
 
     def _take_pending(self, t: float) -> deque[_PendingInput]:
         """The inputs that take effect at t [s], in order."""
@@ -204,9 +204,9 @@ class Lockstep:
             if u is None:
                 return False
             answer = instant.pending.popleft()
-            given = answer.i, answer.k, answer.sampled, instant.t, u
+            values = answer.i, answer.k, answer.sampled, instant.t, u
             lost = answer.lost
-            events.append(InputLost(*given) if lost else InputApplied(*given, self.world.x))
+            events.append(InputLost(*values) if lost else InputApplied(*values, self.world.x))
         self._events.add(events)
         self._instants.popleft()
         return True
@@ -230,8 +230,8 @@ class Lockstep:
             return early
         agents, i = self._agents, pending.i
         u = agents.await_input(i) if wait else agents.take_input(i)
-        return None if u is None else self._known(pending, u)
+        return None if u is None else self._settle(pending, u)
 
-    def _known(self, pending: _PendingInput, u: Array) -> Array:
+    def _settle(self, pending: _PendingInput, u: Array) -> Array:
         self._synchronization.end_unknown(pending.i, None if pending.lost else u)
         return u

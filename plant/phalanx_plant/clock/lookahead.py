@@ -95,7 +95,7 @@ class Lookahead(Synchronization):
         self._integration, self._radii = world.integration, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
-        self._bounded = [each if isinstance(each, Bounded) else None for each in dynamics]
+        self._bounded = [d if isinstance(d, Bounded) else None for d in dynamics]
         self._bounds = [group.disturbance.bound for group in swarm.groups]
         self._unknown: dict[int, _Unknown] = {}
         self._ahead: deque[Piece] = deque()
@@ -117,19 +117,19 @@ class Lookahead(Synchronization):
 
     def end_unknown(self, i: int, u: Array | None) -> None:
         """Integrate agent i again from where its input, now known, took effect."""
-        begun, own = self._unknown.pop(i), self._parts[i]
+        begun, part = self._unknown.pop(i), self._parts[i]
         held, x = begun.u if u is None else u, begun.x
         self._integration.hold(i, held)
         for piece in islice(self._ahead, begun.since - self._done, None):
             if isinstance(piece, Segment):
                 # The last one shares its arrays with the integration's state.
                 # So does the next one's start.
-                phi, slope = piece.phi[own], piece.slope[own]
+                phi, slope = piece.phi[part], piece.slope[part]
                 piece.u[self._integration.inputs[i]] = held
-                piece.x[:, own], piece.p[:, i] = self._integration.motion.one_agent(
+                piece.x[:, part], piece.p[:, i] = self._integration.motion.one_agent(
                     i, len(piece.x), x, held, phi, slope, piece.dt
                 )
-                x = piece.x[-1, own]
+                x = piece.x[-1, part]
 
     def advance(self, until: float) -> None:
         """Integrate ahead to `until` [s]."""
@@ -150,8 +150,8 @@ class Lookahead(Synchronization):
         If one of these is itself required, more may be required once it is known. If too many
         inputs are pending, the oldest are required.
         """
-        seen = [i for i in self._unknown if any(self._may_see(j, i) for j in sampling)]
-        return seen or self.unknown[:-_MOST_UNKNOWN]
+        visible = [i for i in self._unknown if any(self._may_see(j, i) for j in sampling)]
+        return visible or self.unknown[:-_MOST_UNKNOWN]
 
     def _may_see(self, j: int, i: int) -> bool:
         if j in self._unknown:

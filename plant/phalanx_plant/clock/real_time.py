@@ -220,14 +220,14 @@ class RealTime:
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
-        visible = self._sampling.sensing.visible(self.world.p, due)
-        for i, each in zip(due, visible, strict=True):
+        views = self._sampling.sensing.visible(self.world.p, due)
+        for i, visible in zip(due, views, strict=True):
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
-            taken = self._sampling.take(i, now, x, each, pace)
+            sample, truthful = self._sampling.take(i, now, x, visible, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._sent[i] = _SentSample(taken.sample, time.monotonic(), takes_effect, lost)
-            self._now.append(Sampled(i, now, taken.truthful))
-            self._agents.send_sample(i, taken.sample)
+            self._sent[i] = _SentSample(sample, time.monotonic(), takes_effect, lost)
+            self._now.append(Sampled(i, now, truthful))
+            self._agents.send_sample(i, sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)
 

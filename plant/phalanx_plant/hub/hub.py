@@ -37,15 +37,15 @@ class Countdown:
     """The time left of a wait, without what passes while this process is stopped."""
 
     def __init__(self, seconds: float) -> None:
-        self._left, self._looked = seconds, time.monotonic()
+        self._remaining, self._looked = seconds, time.monotonic()
 
     def ended(self) -> bool:
         """Return whether nothing is left; asked once in each poll."""
         now = time.monotonic()
         # A poll that took longer was interrupted (Ctrl-Z): agents' answers may be on their way.
-        self._left -= min(now - self._looked, 2.0 * _POLL)
+        self._remaining -= min(now - self._looked, 2.0 * _POLL)
         self._looked = now
-        return self._left < 0.0
+        return self._remaining < 0.0
 
 
 class Hub:
@@ -109,10 +109,10 @@ class Hub:
         Raises:
             SwarmBrokenError: an agent does not join, leaves, or runs another scenario.
         """
-        left = Countdown(self._timeout)
+        countdown = Countdown(self._timeout)
         while missing := self._missing():
             waiting_for(missing)
-            self._take_event(left, f"agent {', '.join(missing)} did not join")
+            self._take_event(countdown, f"agent {', '.join(missing)} did not join")
             for name in self._joining.gone_for(_AWAY):
                 raise SwarmBrokenError(f"agent {name} died: see its log")
         self._joining.begin()
@@ -123,8 +123,8 @@ class Hub:
         if missing := self._joining.missing():
             return missing
         # A router may announce subscriptions later than tokens.
-        each = zip(self._names, self.session.samples, strict=True)
-        return tuple(name for name, samples in each if not samples.heard)
+        publishers = zip(self._names, self.session.samples, strict=True)
+        return tuple(name for name, samples in publishers if not samples.heard)
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Send agent i its sample."""
@@ -169,19 +169,19 @@ class Hub:
         self.session.status.put(self._status)
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
-        left = Countdown(0.0 if i in self._mute else self._timeout)
-        while (found := take()) is None:
+        countdown = Countdown(0.0 if i in self._mute else self._timeout)
+        while (answer := take()) is None:
             k = self._answers.expected(i)
             try:
-                self._take_event(left, f"agent {self._names[i]} {failed_to} sample {k}")
+                self._take_event(countdown, f"agent {self._names[i]} {failed_to} sample {k}")
             except SwarmBrokenError:
                 self._mute.add(i)
                 raise
-        return found
+        return answer
 
-    def _take_event(self, left: Countdown, complaint: str) -> None:
+    def _take_event(self, countdown: Countdown, complaint: str) -> None:
         self._check_stop()
-        if left.ended():
+        if countdown.ended():
             dropped = ", ".join(f"{n} {reason}" for reason, n in self.refusals.counts.items())
             because = f" (dropped payloads: {dropped})" if dropped else ""
             hint = "see its log, or raise time.timeout"
@@ -249,12 +249,12 @@ class LockstepHub(Hub):
         """
         if i not in self._alone:
             return
-        name, left = self._names[i], Countdown(self._timeout)
+        name, countdown = self._names[i], Countdown(self._timeout)
         while self._joining.exits(name):
-            self._take_event(left, f"agent {name} did not die")
+            self._take_event(countdown, f"agent {name} did not die")
         while not self._joining.has(name):
             super().restart(i, t)
-            self._take_event(left, f"agent {name} did not join again")
+            self._take_event(countdown, f"agent {name} did not join again")
         self.session.samples[i].wait_until_heard(self._timeout)
 
     def _await_report(self, i: int) -> None:

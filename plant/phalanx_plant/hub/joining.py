@@ -64,14 +64,14 @@ class Joining:
 
     def on_token(self, key: str, alive: bool) -> str | None:
         """Handle a token's appearance or disappearance; return an error message, or None."""
-        (_, name), found = kind_and_name(key), key.rsplit("/", 1)[-1]
+        (_, name), digest = kind_and_name(key), key.rsplit("/", 1)[-1]
         if name not in self._names:
             return None
         if name in self._joined and self._may_leave:
-            self._changes += [(self._names.index(name), alive)] if found == self.digest else []
+            self._changes += [(self._names.index(name), alive)] if digest == self.digest else []
             return None
         if name in self._joined:
-            if alive or found != self.digest:
+            if alive or digest != self.digest:
                 return None
             self._joined.remove(name)
             if name in self._dismissed:
@@ -81,10 +81,10 @@ class Joining:
                 return f"agent {name} died: see its log"
             self._gone[name] = self._now()
             return None
-        if alive and found != self.digest:
+        if alive and digest != self.digest:
             return (
-                f"agent {name} runs another scenario, seed or version (digest {found[:64]!r}, here "
-                f"{self.digest}): start it with the plant's --scenario, --seed and --set"
+                f"agent {name} runs another scenario, seed or version (digest {digest[:64]!r}, "
+                f"here {self.digest}): start it with the plant's --scenario, --seed and --set"
             )
         if alive:
             self._joined.add(name)

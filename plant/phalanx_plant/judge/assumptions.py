@@ -105,26 +105,26 @@ class Assumptions:
     @property
     def of_guarantee(self) -> list[Assumption]:
         """The assumptions of the outcome `guaranteed`."""
-        found = [self._start, self._gap, self._disturbance, self._inputs, self._certificates]
+        assumptions = [self._start, self._gap, self._disturbance, self._inputs, self._certificates]
         return [
-            *found,
-            *[each for each in (self._resolved, self._prompt) if each.failed],
+            *assumptions,
+            *[a for a in (self._resolved, self._prompt) if a.failed],
             *self._of_world.values(),
         ]
 
     @property
     def of_theorem(self) -> list[Assumption]:
         """The assumptions of the paper's theorem."""
-        found = [self._start_kept, self._gap, self._disturbance]
-        found += [self._rows, self._margin] if self._filtered else [self._margin]
-        found += [self._stayed] if self._stayed.checked else []
-        found += [each for each in (self._prompt, self._truthful) if each.failed]
-        found += [self._faithful] if self._faithful.checked else []
+        assumptions = [self._start_kept, self._gap, self._disturbance]
+        assumptions += [self._rows, self._margin] if self._filtered else [self._margin]
+        assumptions += [self._stayed] if self._stayed.checked else []
+        assumptions += [a for a in (self._prompt, self._truthful) if a.failed]
+        assumptions += [self._faithful] if self._faithful.checked else []
         safety = self._swarm.safety
         if safety.centralised:
-            return [*found, self._synchronous]
+            return [*assumptions, self._synchronous]
         believed = self._model.counts_on_received and self._filtered
-        return [*found, self._fresh, self._claims.truthful] if believed else found
+        return [*assumptions, self._fresh, self._claims.truthful] if believed else assumptions
 
     def add(self, piece: DisturbanceKnot | WorldNote) -> None:
         """Check a disturbance, or what a world says of its motion."""
@@ -136,8 +136,8 @@ class Assumptions:
             if not within:
                 self._name_largest(norms, piece.t)
         elif piece.fails:
-            own = self._of_world.setdefault(piece.fails, Assumption(piece.fails, note=piece.text))
-            own.check(False, piece.t)
+            name, new = piece.fails, Assumption(piece.fails, note=piece.text)
+            self._of_world.setdefault(name, new).check(False, piece.t)
 
     def moved(self, steps: EvaluatedSteps) -> None:
         """Check integration steps."""
@@ -207,7 +207,7 @@ class Assumptions:
             if telemetry.report.origin == Origin.ATTACK:
                 self._faithful.check(not self._model.reads_roles, t)
             else:
-                self._made(event, telemetry)
+                self._check_step(event, telemetry)
         self._in_force[i] = t_apply
         self._at_zero.pop(i, None)
         x = self._sampled[i][1] if i in self._sampled else self._x
@@ -217,7 +217,7 @@ class Assumptions:
         """Record that an input never reached its actuator."""
         self._prompt.check(False, event.t_due)
 
-    def _made(self, event: InputApplied, telemetry: Telemetry) -> None:
+    def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         """Check the control step of a normal agent."""
         t = event.t_sample
         if telemetry.report.origin not in OF_CONTROLLERS:

@@ -28,17 +28,17 @@ class Coverage:
         function = proven_reach(swarm.safety.safe_set_function)
         self._boxes = ReachableBoxes(swarm, function) if function else None
         self._agents = {i: self._certificates.of(i) for i in swarm.normal}
-        self._pairs = {i: np.array(each.pairs) for i, each in self._agents.items()}
+        self._pairs = {i: np.array(agent.pairs) for i, agent in self._agents.items()}
         # The number of an agent's side of each pair, and of the other side.
-        sides = {i: 2 * self._pairs[i] + each.sides for i, each in self._agents.items()}
-        self._own, self._other = sides, {i: numbers ^ 1 for i, numbers in sides.items()}
+        sides = {i: 2 * self._pairs[i] + agent.sides for i, agent in self._agents.items()}
+        self._sides, self._other_sides = sides, {i: numbers ^ 1 for i, numbers in sides.items()}
         self._until = np.full(2 * len(pairs), -np.inf)
         """End of the certificate of each side of each pair [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
         """Time until which each pair is certified so far [s], shape (p,)."""
         self.least = np.full(len(pairs), np.inf)
         """The least time that was left of each pair's certificate [s], shape (p,); < 0: none."""
-        self._is_apart = np.zeros(len(pairs), dtype=bool)
+        self._excluded = np.zeros(len(pairs), dtype=bool)
         self._turned: set[int] = set()
         self._inputs = {i: len(swarm.members[i].dynamics.inputs) for i in swarm.normal}
         self.assumption = Assumption(
@@ -59,16 +59,16 @@ class Coverage:
         The inputs are in the order of their times. An adversary's array is empty.
         """
         held = [
-            Held(self._agents[each.i], each.x, each.u, self._near(each.i, each.t_apply, each.x))
-            for each in applied
-            if each.i in self._agents
+            Held(self._agents[event.i], event.x, event.u, self._near(event))
+            for event in applied
+            if event.i in self._agents
         ]
-        found = iter(self._certificates.proven(held) if held else ())
-        return [next(found) if each.i in self._agents else np.zeros(0) for each in applied]
+        times = iter(self._certificates.proven(held) if held else ())
+        return [next(times) if event.i in self._agents else np.zeros(0) for event in applied]
 
     def reached(self, t: float) -> None:
         """Check that all pairs are certified until t [s]."""
-        ends = np.where(self._is_apart, np.inf, self.ends) if self._turned else self.ends
+        ends = np.where(self._excluded, np.inf, self.ends) if self._turned else self.ends
         np.minimum(self.least, ends - t, out=self.least)
         first = int(ends.argmin())
         covered = bool(ends[first] >= t)
@@ -90,17 +90,19 @@ class Coverage:
         self.summary.count(shortest, self._agents[i].tau)
         return shortest
 
-    def turned(self, i: int, apart: Index) -> None:
+    def turned(self, i: int, excluded: Index) -> None:
         """Require no certificate of these pairs any more, as agent i became an adversary."""
         self._turned.add(i)
-        self._is_apart[apart] = True
+        self._excluded[excluded] = True
 
-    def _near(self, i: int, t: float, x: Array) -> Mask | None:
-        return None if self._boxes is None else self._boxes.near(i, self._agents[i].others, t, x)
+    def _near(self, event: InputApplied) -> Mask | None:
+        if self._boxes is None:
+            return None
+        return self._boxes.near(event.i, self._agents[event.i].others, event.t_apply, event.x)
 
     def _issue(self, i: int, t: float, proven: Array) -> float:
-        own, other, pairs = self._own[i], self._other[i], self._pairs[i]
+        sides, other_sides, pairs = self._sides[i], self._other_sides[i], self._pairs[i]
         # The previous certificate ends with its input.
-        self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
-        self.ends[pairs] = np.maximum(until, self._until[other])
+        self._until[sides] = until = np.where(proven > 0.0, t + proven, -np.inf)
+        self.ends[pairs] = np.maximum(until, self._until[other_sides])
         return float(np.minimum.reduce(proven, initial=np.inf))

@@ -48,7 +48,7 @@ class Judged(Struct, frozen=True):
     """Lines of the event log."""
     peak: Peak = LOWEST
     """Of a StateReached: the largest values since the previous one."""
-    made: tuple[AppliedStep, Telemetry] | None = None
+    step: tuple[AppliedStep, Telemetry] | None = None
     """Of an InputApplied: its control step, and the agent's report on it."""
     received: Sequence[tuple[Fate, Finding]] = ()
     """Of an input: the broadcasts that its agent reports on, and whether they were true."""
@@ -106,11 +106,11 @@ class Judge:
             self._judge(events[begin:end], judged)
 
     def _judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
-        places = [k for k, event in enumerate(events) if type(event) is StateReached]
+        indices = [k for k, event in enumerate(events) if type(event) is StateReached]
         failed = self._add([e.history for e in events if type(e) is StateReached])
         if failed is not None:
             number, diverged = failed
-            self._judge(events[: places[number]], judged)
+            self._judge(events[: indices[number]], judged)
             raise diverged
         proven = iter(self.coverage.proven([e for e in events if type(e) is InputApplied]))
         number, failure = 0, None
@@ -161,9 +161,9 @@ class Judge:
             finite = np.abs(steps.h_tot) <= LARGEST
             if not np.logical_and.reduce(finite):
                 number = int(steps.numbers[finite.argmin()])
-                own = steps.numbers == number
-                t = float(steps.times[own][-1])
-                return number, self._diverged(t, steps.pairs, steps.h[own])
+                mask = steps.numbers == number
+                t = float(steps.times[mask][-1])
+                return number, self._diverged(t, steps.pairs, steps.h[mask])
         return None
 
     def _diverged(self, t: float, pairs: Index, h: Array) -> DivergedError:
@@ -181,13 +181,14 @@ class Judge:
         self.assumptions.reached(event)
         peak, crossings = self.extremes.take(number)
         notices = [
-            Log(each.t, each.text, Level.WARNING)
-            for each in event.history
-            if type(each) is WorldNote
+            Log(piece.t, piece.text, Level.WARNING)
+            for piece in event.history
+            if type(piece) is WorldNote
         ]
-        for each in self._crossings + crossings:
-            level, pair = Level.ERROR if each.unsafe else Level.INFO, self.extremes.label(each.pair)
-            notices.append(Log(each.t, self.extremes.in_words(each), level, pair))
+        for crossing in self._crossings + crossings:
+            level = Level.ERROR if crossing.unsafe else Level.INFO
+            pair = self.extremes.label(crossing.pair)
+            notices.append(Log(crossing.t, self.extremes.in_words(crossing), level, pair))
         self._crossings = []
         return Judged(event, sorted(notices, key=lambda line: line.t), peak=peak)
 
@@ -237,7 +238,7 @@ class Judge:
         )
         if origin == Origin.BACKUP:
             notices += self._warn_once(event.t_apply, f"agent {name}: first backup")
-        return Judged(event, notices, made=(step, telemetry), received=received)
+        return Judged(event, notices, step=(step, telemetry), received=received)
 
     def _lost(self, event: InputLost) -> Judged:
         _, received, notices = self._report(event.i, event.k, event.t_sample)
@@ -265,8 +266,8 @@ class Judge:
         believed = i in self._swarm.normal and i not in self._turned
         received = [(fate, self.claims.check(i, fate, t, believed)) for fate in telemetry.fates]
         notices = list[Log]()
-        for fate, found in received:
-            if found.false:
+        for fate, finding in received:
+            if finding.false:
                 sender = self._names[fate.sender]
                 notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         for conviction in telemetry.convictions if believed else ():
@@ -290,9 +291,9 @@ class Judge:
         if not self._swarm.safety.watch:
             return None
         begun = dict(self.claims.betrayals)
-        for each in self._convictions:
-            guilty = begun.get(each.of, np.inf) < each.end
-            each.after = each.t - begun[each.of] if guilty else None
+        for conviction in self._convictions:
+            guilty = begun.get(conviction.of, np.inf) < conviction.end
+            conviction.after = conviction.t - begun[conviction.of] if guilty else None
         return TrustSummary(begun, self._convictions)
 
     def _warn_once(self, t: float, text: str) -> list[Log]:

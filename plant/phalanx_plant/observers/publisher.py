@@ -90,8 +90,8 @@ class Publisher:
         event = judged.event
         for notice in judged.notices:
             self._log.append(LogLine(notice.t, notice.text))
-        for fate, found in judged.received:
-            if found.false:
+        for fate, finding in judged.received:
+            if finding.false:
                 sender = self._agents[fate.sender]
                 self._agents[fate.sender] = replace(sender, lies=sender.lies + 1)
         match event:
@@ -100,8 +100,8 @@ class Publisher:
                 self._peak = judged.peak
             case CommandApplied():
                 self._faults.apply(event.command)
-            case InputApplied() if judged.made is not None:
-                step, _ = judged.made
+            case InputApplied() if judged.step is not None:
+                step, _ = judged.step
                 self._applied(event.i, step, [fate for fate, _ in judged.received])
 
     def _applied(self, i: int, step: AppliedStep, fates: list[Fate]) -> None:
@@ -115,9 +115,9 @@ class Publisher:
         )
         for fate in fates:
             link = fate.sender, i
-            known = link in self._link_events
-            if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
-                self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
+            delays = self._link_events
+            if fate.delay != 0.0 and (link in delays or len(delays) < _LINK_EVENTS):
+                delays[link] = worse(delays.get(link, 0.0), fate.delay)
 
     def idle(self, now: float) -> None:
         """Publish a frame and the status if they are due at this wall time [s]."""

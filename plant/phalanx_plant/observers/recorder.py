@@ -85,11 +85,11 @@ class Recorder:
                 case InputApplied() | InputLost():
                     self._received[event.i] += judged.received
             records += judged.notices
-            if type(event) is InputApplied and judged.made is not None:
-                step, telemetry = judged.made
+            if type(event) is InputApplied and judged.step is not None:
+                step, telemetry = judged.step
                 records.append(self._step(event, step, telemetry))
                 if event.answers is not None:
-                    records.append(self._shown(event.i, event.answers, telemetry))
+                    records.append(self._step_data(event.i, event.answers, telemetry))
         self._recording.write(*records)
 
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
@@ -104,19 +104,19 @@ class Recorder:
             fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in received],
             faults=[
                 (names[fate.sender], fate.k, [self._declared[n] for n in hit])
-                for fate, found in received
-                if (hit := (*fate.faults, *found.lies))
+                for fate, finding in received
+                if (hit := (*fate.faults, *finding.lies))
             ],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
-                for fate, found in received
-                if found.false and fate.claim is not None
+                for fate, finding in received
+                if finding.false and fate.claim is not None
             ],
             notes=dict(telemetry.notes),
             **asdict(step),
         )
 
-    def _shown(self, i: int, sample: Sample, telemetry: Telemetry) -> StepData:
+    def _step_data(self, i: int, sample: Sample, telemetry: Telemetry) -> StepData:
         names = self._names
         return StepData(
             agent=names[i],

@@ -3,8 +3,6 @@
 from collections import Counter
 from typing import Protocol
 
-from msgspec import Struct
-
 from phalanx.faults.commands import Command, FaultState, ProcessChange
 from phalanx.faults.onboard import AgentClock, Sensors
 from phalanx.messages.kinds import Sample, last_sample
@@ -30,14 +28,6 @@ class Processes(Protocol):
 
     def restart(self, i: int, t: float) -> None:
         """Replace the dead agent i's process by another at t [s]."""
-
-
-class TakenSample(Struct, frozen=True):
-    """A sample, and whether it is true."""
-
-    sample: Sample
-    truthful: bool
-    """Whether the agent's sensors measured the true states."""
 
 
 class Sampling:
@@ -72,8 +62,8 @@ class Sampling:
 
     def take(
         self, i: int, t: float, x: Array, visible: Visibility, pace: float | None = None
-    ) -> TakenSample:
-        """Take agent i's sample of the stacked state x, shape (n̄,), at t [s].
+    ) -> tuple[Sample, bool]:
+        """Take agent i's sample of the stacked state x, (n̄,), at t [s]; and whether it is true.
 
         Agents that sample at the same instant do not receive each other's answers of that instant.
         pace: speed of virtual time, in real time.
@@ -94,7 +84,7 @@ class Sampling:
             commands=self._commanded.active_commands(i),
             pace=pace,
         )
-        return TakenSample(sample, measured is x)
+        return sample, measured is x
 
     def apply(self, command: Command, x: Array, processes: Processes) -> CommandApplied:
         """Apply a command at its time, in the stacked state x."""

@@ -46,7 +46,7 @@ class Sensing:
         self._all = tuple(members)
         heard = [frozenset(swarm.heard_by(i)) for i in members]
         self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
-        self._listening = [frozenset(each) for each in self._listeners]
+        self._listening = [frozenset(agents) for agents in self._listeners]
         self._limited = bool(np.isfinite(self._reach).any())
 
     def visible(self, p: Array, agents: Sequence[int]) -> list[Visibility]:
@@ -78,8 +78,8 @@ def _squared(vectors: Array) -> Array:
     # A fixed order of summation: the result must not depend on a vector unit.
     first, *others = (vectors * vectors).T
     total: Array = first
-    for each in others:
-        total = total + each
+    for component in others:
+        total = total + component
     return total
 
 
@@ -98,20 +98,20 @@ class Contacts:
         """For each agent, (time, number) of its last two broadcasts."""
 
     def existing(
-        self, i: int, t: float, seen: Sequence[int]
+        self, i: int, t: float, senders: Sequence[int]
     ) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """First and last number of the broadcasts that exist for agent i before t [s].
 
-        One of each for every agent seen, -1 where there are none.
+        One of each for every sender, -1 where there are none.
         """
         # Not at t: agents that update together do not receive each other's inputs.
-        firsts, since = self._first[i], [-1 for _ in seen]
+        firsts, since = self._first[i], [-1 for _ in senders]
         latest = since.copy()
-        for place, j in enumerate(seen):
+        for index, j in enumerate(senders):
             (_, before), (at, newest) = self._sent[j]
             k = newest if at < t else before
             if j in firsts and firsts[j] <= k:
-                since[place], latest[place] = firsts[j], k
+                since[index], latest[index] = firsts[j], k
         return tuple(since), tuple(latest)
 
     def forget(self, i: int) -> tuple[int, ...]:

@@ -48,12 +48,13 @@ class LogSumExp:
         with np.errstate(invalid="ignore"):  # an infinite h is reported by the judge
             below = h - sigma[:, None]
         states, pairs = np.nonzero(~(below < -self._negligible))
-        each = self._exponential(below[states, pairs], np.arange(len(states))[:, None])[:, 0]
+        exponentials = self._exponential(below[states, pairs], np.arange(len(states))[:, None])
+        exponentials = exponentials[:, 0]
         # From left to right: the same sum, whichever of the others were left out beforehand.
-        total = np.bincount(states, each, len(h))
+        total = np.bincount(states, exponentials, len(h))
         of_both = self._logarithm(np.column_stack([sigma, total]), np.array([[0, 1]]))[:, 0, 0]
         weights = np.zeros(h.shape)
-        weights[states, pairs] = each / total[states]
+        weights[states, pairs] = exponentials / total[states]
         return Composed(of_both, weights)
 
 
@@ -84,10 +85,10 @@ class LargestPsi:
             return np.zeros(0)
         if self._rows.swarm.safety.pairwise:
             counting = pairs[..., 0] >= least[:, None]
-            each = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
+            psi = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
         else:
             some = np.flatnonzero(composed.weights.any(axis=0))
             jets = self._rows.composed.jets
-            each = jets.psi(composed.h_tot, composed.weights[:, some], pairs[:, some])[:, 1:]
-        largest: Array = each.max(axis=1)
+            psi = jets.psi(composed.h_tot, composed.weights[:, some], pairs[:, some])[:, 1:]
+        largest: Array = psi.max(axis=1)
         return largest

@@ -97,17 +97,17 @@ class SwarmGradient:
         pairs = rows.swarm.pairs
         self._pairs = pairs.choose(pairs.every)
         self._jets = rows.composed.jets
-        self._x = self._found = np.zeros(0)
+        self._x = self._gradient = np.zeros(0)
 
     def __call__(self, x: Array) -> Array:
         """Evaluate at a stacked state x, shape (n̄,)."""
         # Agents of a swarm have their knots at the same times: one evaluation serves them all.
         if not np.array_equal(x, self._x):
             pairs, weights = self._pairs, self._jets(self._pairs.jets(x).h).weights
-            each = (weights.T[:, pairs.slope_pair] * pairs.slopes(x)).sum(axis=0)
-            found = np.bincount(pairs.slope_state, each, len(x))
-            self._x, self._found = x.copy(), found.astype(np.float64, copy=False)
-        return self._found
+            slopes = (weights.T[:, pairs.slope_pair] * pairs.slopes(x)).sum(axis=0)
+            gradient = np.bincount(pairs.slope_state, slopes, len(x))
+            self._x, self._gradient = x.copy(), gradient.astype(np.float64, copy=False)
+        return self._gradient
 
 
 class SwarmDisturbance:
@@ -116,19 +116,19 @@ class SwarmDisturbance:
     def __init__(self, rows: SafetyRows) -> None:
         """Make each agent's disturbance; adverse ones follow the gradient of `rows`."""
         swarm, gradient = rows.swarm, None
-        self._each: list[RandomDisturbance | AdverseDisturbance] = []
+        self._disturbances: list[RandomDisturbance | AdverseDisturbance] = []
         for i, (group, part) in enumerate(zip(swarm.groups, swarm.safe_set.parts, strict=True)):
             model = group.disturbance
             if model.kind == "adverse":
                 gradient = gradient or SwarmGradient(rows)
-                self._each.append(AdverseDisturbance(gradient, part, model))
+                self._disturbances.append(AdverseDisturbance(gradient, part, model))
             else:
                 name, states = swarm.names[i], part.stop - part.start
-                self._each.append(RandomDisturbance(swarm.seeds, name, model, states))
+                self._disturbances.append(RandomDisturbance(swarm.seeds, name, model, states))
 
     def line(self, t: float, x: Array) -> Line:
         """Return the stack's line from t [s], in state x there, to the first knot of any agent."""
-        lines = [each.line(t, x) for each in self._each]
+        lines = [d.line(t, x) for d in self._disturbances]
         value = np.concatenate([line.at(t) for line in lines])
         slope = np.concatenate([line.slope for line in lines])
         return Line(t, min(line.end for line in lines), value, slope)

@@ -59,9 +59,9 @@ class Evaluation:
             return
         segments = [p for _, p in numbered]
         counts = [p.x.shape[0] for p in segments]
-        each = np.array([(k, p.t, p.dt) for k, p in numbered]).repeat(counts, axis=0)
+        steps = np.array([(k, p.t, p.dt) for k, p in numbered]).repeat(counts, axis=0)
         ordinals = np.array([n for count in counts for n in range(1, count + 1)])
-        numbers, times = each[:, 0].astype(np.intp), each[:, 1] + each[:, 2] * ordinals
+        numbers, times = steps[:, 0].astype(np.intp), steps[:, 1] + steps[:, 2] * ordinals
         x = np.concatenate([p.x for p in segments])
         positions = np.concatenate([p.p for p in segments])
         defects = self._resolution.defects(segments).repeat(counts)

@@ -66,11 +66,11 @@ class _Excursions:
 
     def violations(self) -> list[Violation]:
         """Return every pair's excursions, the deepest first; those that last until now."""
-        found = [
+        violations = [
             replace(v, duration=v.duration + (self._t - v.begin if v.end is None else 0.0))
             for v in self._violations.values()
         ]
-        return sorted(found, key=lambda v: -v.worst)
+        return sorted(violations, key=lambda v: -v.worst)
 
 
 class _Part(NamedTuple):
@@ -98,7 +98,7 @@ class PairExtremes:
 
     def __init__(self, composed: ComposedSet) -> None:
         self._composed = composed
-        self._counted, self._apart = _Excursions(composed), _Excursions(composed)
+        self._counted, self._uncounted = _Excursions(composed), _Excursions(composed)
         self._is_excluded = np.zeros(len(composed.pairs), dtype=bool)
         self.worst_h, self.worst_at, self.worst_pair = -np.inf, 0.0, ""
         """Largest h so far of a pair with a normal agent, its time [s] and its pair."""
@@ -157,13 +157,13 @@ class PairExtremes:
     def _crossings(self, part: _Part) -> list[Crossing]:
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
         safe = all(h_tot <= 0.0 for h_tot, *_ in part.largest)
-        if safe and not self._counted.lasting and not self._apart.lasting:
+        if safe and not self._counted.lasting and not self._uncounted.lasting:
             return []
         unsafe = np.flatnonzero(~(part.h <= 0.0).all(axis=0)).tolist()
-        found = {int(part.pairs[k]): part.h[:, k] for k in unsafe}
-        counted = {pair: h for pair, h in found.items() if not self._is_excluded[pair]}
-        apart = {pair: found[pair] for pair in found.keys() - counted.keys()}
-        return self._counted.add(part.times, counted) + self._apart.add(part.times, apart)
+        outside = {int(part.pairs[k]): part.h[:, k] for k in unsafe}
+        counted = {pair: h for pair, h in outside.items() if not self._is_excluded[pair]}
+        excluded = {pair: outside[pair] for pair in outside.keys() - counted.keys()}
+        return self._counted.add(part.times, counted) + self._uncounted.add(part.times, excluded)
 
     def exclude(self, pairs: Index, t: float) -> None:
         """Count these pairs, without a normal agent from t [s] on, no more for the verdict."""
@@ -176,4 +176,4 @@ class PairExtremes:
 
     def excluded(self) -> list[Violation] | None:
         """The same for pairs since they were excluded; None if none was."""
-        return self._apart.violations() if self._is_excluded.any() else None
+        return self._uncounted.violations() if self._is_excluded.any() else None

@@ -39,15 +39,15 @@ class ForeignIntegration(Integration):
         swarm, self._world = rows.swarm, world
         self._seeds, self._reseeded = swarm.seeds, 0
         self._parts = swarm.safe_set.parts
-        each = zip(swarm.members, self._parts, strict=True)
-        self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in each]
+        members = zip(swarm.members, self._parts, strict=True)
+        self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in members]
         self._ledgers = [
             _Ledger(
-                DisturbanceLedger(swarm.members[own[0]].dynamics),
-                np.array([np.r_[self._parts[i]] for i in own]),
-                np.array([np.r_[self.inputs[i]] for i in own]),
+                DisturbanceLedger(swarm.members[group[0]].dynamics),
+                np.array([np.r_[self._parts[i]] for i in group]),
+                np.array([np.r_[self.inputs[i]] for i in group]),
             )
-            for own in by_dynamics(swarm.members)
+            for group in by_dynamics(swarm.members)
         ]
         seed = swarm.seeds.at(0.0)
         try:
@@ -83,25 +83,25 @@ class ForeignIntegration(Integration):
 
         Raises MistakenMethodError.
         """
-        found: History = []
+        history: History = []
         for at, seed in self._seeds.later[self._reseeded :]:
             if at >= until:
                 break
-            found += self._advance(at)
+            history += self._advance(at)
             self._world.reseed(seed)
             self._reseeded += 1
-        return [*found, *self._advance(until)]
+        return [*history, *self._advance(until)]
 
     def _advance(self, until: float) -> Iterator[Piece]:
         if not self.t < until:
             return
-        found = advanced(self._world, self._agents, self.t, until, self._longest)
-        yield from found.notes
-        x = np.concatenate([found.x[agent.name] for agent in self._agents], axis=1)
+        motion = advanced(self._world, self._agents, self.t, until, self._longest)
+        yield from motion.notes
+        x = np.concatenate([motion.x[agent.name] for agent in self._agents], axis=1)
         u, still = self._u, np.zeros_like(self.x)
-        before, seconds = np.vstack([self.x[None], x[:-1]]), np.diff(found.t, prepend=self.t)
+        before, seconds = np.vstack([self.x[None], x[:-1]]), np.diff(motion.t, prepend=self.t)
         phi = self._explained(before, x, u, seconds)
-        for k, t in enumerate(found.t.tolist()):
+        for k, t in enumerate(motion.t.tolist()):
             begin, start = self.t, self.x
             self.t, self.x, self.p = t, x[k], self.motion.positions(x[k])
             yield DisturbanceKnot(t, phi[k])
@@ -114,7 +114,7 @@ class ForeignIntegration(Integration):
             r, n = states.shape
             first, last = (x[:, states].reshape(-1, n) for x in (before, after))
             held = np.tile(u[inputs], (len(after), 1))
-            found = ledger.explain(first, last, held, np.repeat(seconds, r))
-            known = np.where(np.isfinite(found.size)[:, None], found.phi, np.nan)
-            phi[:, states] = known.reshape(-1, r, n)
+            explanation = ledger.explain(first, last, held, np.repeat(seconds, r))
+            explained = np.where(np.isfinite(explanation.size)[:, None], explanation.phi, np.nan)
+            phi[:, states] = explained.reshape(-1, r, n)
         return phi

@@ -41,27 +41,27 @@ class Motion:
         total = int(states[-1])
         self._numbers = np.empty(3 * total + int(inputs[-1]) + 1)
         """Arguments of a step, stacked: x, u, φ, φ' and dt."""
-        self._given = np.split(self._numbers, np.cumsum([total, inputs[-1], total, total]))
-        for each in by_dynamics(members):
-            own, dynamics = np.array(each), members[each[0]].dynamics
-            x = states[own][:, None] + np.arange(len(dynamics.states))
-            u = inputs[own][:, None] + np.arange(len(dynamics.inputs))
-            dt = np.full((len(own), 1), len(self._numbers) - 1)
+        self._arguments = np.split(self._numbers, np.cumsum([total, inputs[-1], total, total]))
+        for alike in by_dynamics(members):
+            indices, dynamics = np.array(alike), members[alike[0]].dynamics
+            x = states[indices][:, None] + np.arange(len(dynamics.states))
+            u = inputs[indices][:, None] + np.arange(len(dynamics.inputs))
+            dt = np.full((len(indices), 1), len(self._numbers) - 1)
             phi = total + inputs[-1] + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
-            p = total + axes * own[:, None] + np.arange(axes)
+            p = total + axes * indices[:, None] + np.arange(axes)
             state = ca.SX.sym("x", len(dynamics.states))
             position = MappedFunction([state], [dynamics.position(state)])
             rows = [function.at(numbers) for function in steps]
-            found = [
-                each.results.reshape(len(own), count, -1).swapaxes(0, 1)
-                for count, each in enumerate(rows, start=1)
+            results = [
+                function.results.reshape(len(indices), count, -1).swapaxes(0, 1)
+                for count, function in enumerate(rows, start=1)
             ]
-            both = list(zip(rows, found, strict=True))
+            both = list(zip(rows, results, strict=True))
             group = _SameDynamics(x, np.hstack([x, p]), steps, both, position)
             self._groups.append(group)
-            self._group_of |= dict.fromkeys(each, group)
+            self._group_of |= dict.fromkeys(alike, group)
 
     def steps(
         self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
@@ -78,13 +78,13 @@ class Motion:
         """
         states = x.size
         values: tuple[Array | float, ...] = x, u, phi, slope, dt
-        for part, value in zip(self._given, values, strict=True):
+        for part, value in zip(self._arguments, values, strict=True):
             part[:] = value
         after = np.empty((count, states + self._outputs))
         for group in self._groups:
-            rows, found = group.rows[count - 1]
+            rows, results = group.rows[count - 1]
             rows(self._numbers)
-            after[:, group.after] = found
+            after[:, group.after] = results
         return after[:, :states], after[:, states:].reshape(count, -1, self._axes)
 
     def one_agent(
@@ -92,9 +92,9 @@ class Motion:
     ) -> tuple[Array, Array]:
         """Return the same for member i alone, from its own parts: (count, n_i) and (count, d)."""
         numbers = np.concatenate([x, u, phi, slope, [dt]])
-        found = self._group_of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
-        each = found.reshape(count, -1)
-        return each[:, : len(x)], each[:, len(x) :]
+        values = self._group_of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
+        both = values.reshape(count, -1)
+        return both[:, : len(x)], both[:, len(x) :]
 
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
@@ -111,10 +111,10 @@ def _offsets(sizes: Sequence[int]) -> Index:
 
 def by_dynamics(members: Sequence[Member]) -> list[list[int]]:
     """Group members that have the same equation of motion; their input bounds may differ."""
-    found: dict[str, list[int]] = {}
+    groups: dict[str, list[int]] = {}
     for i, text in enumerate(motion_texts([m.dynamics for m in members])):
-        found.setdefault(text, []).append(i)
-    return list(found.values())
+        groups.setdefault(text, []).append(i)
+    return list(groups.values())
 
 
 def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:

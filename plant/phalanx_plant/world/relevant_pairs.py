@@ -64,14 +64,14 @@ class RelevantPairs:
 
     def __call__(self, x: Array, positions: Array) -> PairValues:
         """Evaluate at stacked states x, (s, n̄), with output positions [m], (s, N, d)."""
-        found = self._chosen(x)
-        if self._function is not None and not self._complete(positions, found[..., 0]):
-            self._search(self._function, positions[0], found[..., 0])
-            found = self._chosen(x)
-            if not self._complete(positions, found[..., 0]):
+        values = self._chosen(x)
+        if self._function is not None and not self._complete(positions, values[..., 0]):
+            self._search(self._function, positions[0], values[..., 0])
+            values = self._chosen(x)
+            if not self._complete(positions, values[..., 0]):
                 self._choose(self._every)
-                found = self._chosen(x)
-        return PairValues(self._which, found, self._least(found[..., 0]))
+                values = self._chosen(x)
+        return PairValues(self._which, values, self._least(values[..., 0]))
 
     def _choose(self, pairs: Index) -> None:
         self._chosen = self._functions.choose(pairs)
@@ -107,12 +107,12 @@ class RelevantPairs:
         pairs = tree.query_pairs(reach + 2.0 * self._room, output_type="ndarray")
         # A normal member comes first; two adversaries are no pair of the safe set.
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
-        found = [pairs[self._normal[pairs[:, 0]]]]
+        blocks = [pairs[self._normal[pairs[:, 0]]]]
         for k, obstacle in enumerate(self._obstacles):
             close = static_reach(function, self._level, obstacle) + self._room
             near = np.flatnonzero(self._normal & (obstacle.distances(positions) <= close))
-            found.append(np.stack([near, np.full(len(near), len(positions) + k)], axis=1))
-        every = np.concatenate(found)
+            blocks.append(np.stack([near, np.full(len(near), len(positions) + k)], axis=1))
+        every = np.concatenate(blocks)
         # In the order of all pairs: sums then have the same bits, whichever pairs are left out.
         self._choose(self._every[np.sort(self._numbers[tuple(every.T)])])
         self._from = positions

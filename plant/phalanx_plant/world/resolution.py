@@ -41,11 +41,11 @@ class Resolution:
             (
                 # Another run of this process may have had such dynamics.
                 kept(("defect", *motion_texts([dynamics])), partial(_defect, dynamics)),
-                np.array([np.r_[swarm.safe_set.parts[l]] for l in own]),
-                np.array([np.r_[inputs[l]] for l in own]),
+                np.array([np.r_[swarm.safe_set.parts[l]] for l in group]),
+                np.array([np.r_[inputs[l]] for l in group]),
             )
-            for own in by_dynamics(members)
-            for dynamics in [members[own[0]].dynamics]
+            for group in by_dynamics(members)
+            for dynamics in [members[group[0]].dynamics]
         ]
         """By dynamics: the bound, and its agents' indices of states, (r, n), and inputs, (r, m)."""
 
@@ -62,12 +62,12 @@ class Resolution:
         u, phi, slope = map(np.array, zip(*[(p.u, p.phi, p.slope) for p in segments], strict=True))
         dt, steps = np.array([(p.dt, p.x.shape[0]) for p in segments]).T
         phi = np.concatenate([phi, phi + (steps * dt)[:, None] * slope])
-        ranges, found = list(map(_range, (x, u, phi, slope))), list[float]()
+        ranges, bounds = list(map(_range, (x, u, phi, slope))), list[float]()
         for largest, states, inputs in self._groups:
-            places = states, inputs, states, states
-            row = np.concatenate([*map(_over, ranges, places), [dt.max()]])
-            found.append(largest(row, np.arange(len(row))[None])[0, 0])
-        return float(np.max(found))
+            indices = states, inputs, states, states
+            row = np.concatenate([*map(_over, ranges, indices), [dt.max()]])
+            bounds.append(largest(row, np.arange(len(row))[None])[0, 0])
+        return float(np.max(bounds))
 
 
 class Roundings:
@@ -87,10 +87,10 @@ class Roundings:
         times [s] and states there, shapes (s,) and (s, n̄); all calls are in order.
         """
         before = self._recent[:, self._recent[0] < times[0]]  # the last events may be judged again
-        known = np.hstack([before, [times, _ROUNDED * np.abs(x).max(axis=1)]])
-        t, errors = known
+        steps = np.hstack([before, [times, _ROUNDED * np.abs(x).max(axis=1)]])
+        t, errors = steps
         total, first = np.cumsum(errors), np.searchsorted(t, t - self._longest, side="right")
-        self._recent = known[:, first[-1] :]
+        self._recent = steps[:, first[-1] :]
         rates: Array = (total - (total - errors)[first]) / self._longest
         return rates[-len(times) :]
 

@@ -99,11 +99,11 @@ class Integration:
 
     def integrate(self, until: float) -> History:
         """Integrate to `until` [s], in steps no longer than the scenario's integration step."""
-        found: History = []
+        history: History = []
         while self.t < until:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
-                found.append(DisturbanceKnot(self.t, self._line.value))
+                history.append(DisturbanceKnot(self.t, self._line.value))
             begin, start, line = self.t, self.x, self._line
             stop = min(until, line.end)
             count = min(math.ceil((stop - begin) / self._longest), _MOST_STEPS)
@@ -112,8 +112,8 @@ class Integration:
             phi = line.at(begin)
             x, p = self.motion.steps(count, start, self._u, phi, line.slope, dt)
             self.x, self.p = x[-1], p[-1]
-            found.append(Segment(begin, dt, self.t, phi, line.slope, self._u, start, x, p))
-        return found
+            history.append(Segment(begin, dt, self.t, phi, line.slope, self._u, start, x, p))
+        return history
 
 
 class DivergedError(ArithmeticError):
@@ -191,16 +191,16 @@ class Actuators:
 
     def __init__(self, swarm: Swarm) -> None:
         different = {id(m.dynamics): m.dynamics for m in swarm.members}
-        known = {key: _input_polytope(dynamics) for key, dynamics in different.items()}
-        self._polytopes = [known[id(m.dynamics)] for m in swarm.members]
+        polytopes = {key: _input_polytope(dynamics) for key, dynamics in different.items()}
+        self._polytopes = [polytopes[id(m.dynamics)] for m in swarm.members]
 
     def takes(self, i: int, x: Array, u: Array) -> bool:
         """Return whether u, (m_i,), is within ACTUATION of U_i at agent i's state x, (n_i,)."""
-        known = self._polytopes[i]
-        if isinstance(known, CompiledFunction):
-            A, b = known(x)
-            known = polytope(A.reshape(len(b), -1), b)
-        return known.takes(u)
+        inputs = self._polytopes[i]
+        if isinstance(inputs, CompiledFunction):
+            A, b = inputs(x)
+            inputs = polytope(A.reshape(len(b), -1), b)
+        return inputs.takes(u)
 
 
 def _input_polytope(dynamics: Dynamics) -> Polytope | CompiledFunction:

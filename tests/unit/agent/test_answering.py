@@ -122,10 +122,10 @@ def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:
 def test_one_who_fills_inboxes_is_bounded_by_what_the_run_can_hold(agent: Agent) -> None:
     for k in range(20_000):
         agent.answering.on_broadcast(HEARD, INSIDER.sealer.seal(HEARD, a_broadcast(k=k)))
-    kept = 20_000 - agent.step.rejected
+    accepted = 20_000 - agent.step.rejected
     duration = agent.step.swarm.scenario.duration
-    assert kept == agent.step.swarm.clock(1).most_samples(duration)
-    assert kept > duration / 0.008
+    assert accepted == agent.step.swarm.clock(1).most_samples(duration)
+    assert accepted > duration / 0.008
 
 
 def start(agent: Agent) -> Sample:

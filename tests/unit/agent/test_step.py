@@ -144,12 +144,12 @@ def test_a_report_with_all_that_it_may_say_is_taken(name: str):
     agents, faults = len(step.swarm.names), tuple(range(len(step.swarm.links.declared)))
     most, u = 2**32 - 1, (1e300,) * max(len(m.dynamics.inputs) for m in step.swarm.members)
     fates = (Fate(65535, most, 0.1, faults, Claim(0.1, u)),) * step.most_fates
-    made = StepReport(
+    step_report = StepReport(
         origin=Origin.SOLVER_FAILED, u_nom=u,
         **{name: 0.1 for name in QUANTITIES if name in StepReport.__struct_fields__},
     )  # fmt: skip
     report = Telemetry(
-        k=most, report=made, ages=((65535, 0.1),) * agents, fates=fates, rejected=most,
+        k=most, report=step_report, ages=((65535, 0.1),) * agents, fates=fates, rejected=most,
         received=((65535, 0.1, u),) * agents, failed="?" * LONGEST_FAILURE,
     )  # fmt: skip
     assert MAX_BYTES / 2 < len(Sealer().seal("k", report)) <= MAX_BYTES
@@ -159,10 +159,10 @@ def test_it_decides_on_those_it_sees_alone():
     """Agents that are not in the sample change nothing, and no NaN gets into the result."""
     rows = rows_of_scenario("unicycles", "safety.neighbourhood=5.0")
     step, states = ControlStep(rows, 0), StateCodec(rows.swarm)
-    seen, x = (0, 1, 2), rows.swarm.start()
+    visible, x = (0, 1, 2), rows.swarm.start()
     first = sample(step, 0, latest=-1)
     limited = msgspec.structs.replace(
-        first, seen=seen, x=states.pack(x, seen), since=(-1,) * 3, latest=(-1,) * 3
+        first, seen=visible, x=states.pack(x, visible), since=(-1,) * 3, latest=(-1,) * 3
     )
     x[9:11] += 100.0  # agent 4, an adversary at 8 m, goes farther away
     elsewhere = msgspec.structs.replace(first, x=states.pack(x, tuple(range(5))))

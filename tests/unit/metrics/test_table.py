@@ -68,12 +68,12 @@ def step(agent: str, k: int, t: float, u: float, origin: Origin = Origin.QP) -> 
     )  # fmt: skip
 
 
-def found(recording: Recording) -> dict[str, dict[str, object]]:
+def figures(recording: Recording) -> dict[str, dict[str, object]]:
     return metrics_of(recording, swarm_of(recording))
 
 
 def test_an_agent_on_its_goal_has_no_error_and_arrives():
-    a = found(recording_of([ALONG_X, REST]))["a"]
+    a = figures(recording_of([ALONG_X, REST]))["a"]
     assert a["tracking_error_mean"] == pytest.approx(0.0, abs=1e-12)
     assert a["distance_to_goal"] == pytest.approx(0.0)
     assert a["arrived"] is True
@@ -81,7 +81,7 @@ def test_an_agent_on_its_goal_has_no_error_and_arrives():
 
 
 def test_an_agent_at_half_its_goals_speed_lags_and_does_not_arrive():
-    metrics = found(recording_of([ALONG_X, REST], a_speed=0.5))
+    metrics = figures(recording_of([ALONG_X, REST], a_speed=0.5))
     assert metrics["a"]["tracking_error_mean"] == pytest.approx(2.5)
     assert metrics["a"]["tracking_error_final"] == pytest.approx(5.0)
     assert metrics["a"]["arrived"] is False
@@ -94,7 +94,7 @@ def test_an_agent_at_half_its_goals_speed_lags_and_does_not_arrive():
 
 def test_waypoints_are_passed_by_the_true_states():
     way = {"type": "waypoints", "points": [[3.0, 0.0], [10.0, 0.0]], "tolerance": 1.0}
-    a = found(recording_of([way, REST]))["a"]
+    a = figures(recording_of([way, REST]))["a"]
     t = np.linspace(0.0, 10.0, 101)
     error = np.where(t < 2.0, 3.0 - t, 10.0 - t)  # at t = 2 s it is a metre from the first
     assert a["tracking_error_mean"] == pytest.approx(np.trapezoid(error, t) / 10.0)
@@ -102,14 +102,14 @@ def test_waypoints_are_passed_by_the_true_states():
 
 
 def test_agents_that_stand_away_from_their_goals_are_in_deadlock():
-    metrics = found(recording_of([ALONG_X, [4.0, 0.0]]))
+    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]]))
     assert metrics["a"]["deadlock_time"] == 0.0
     assert metrics["b"]["deadlock_time"] == pytest.approx(10.0, abs=0.2)
     assert metrics[SWARM]["deadlock_time"] == metrics["b"]["deadlock_time"]
 
 
 def test_agents_without_goal_have_no_metrics_of_one():
-    metrics = found(recording_of())
+    metrics = figures(recording_of())
     goals = list(METRICS)[:6]
     assert [[agent[name] for name in goals] for agent in metrics.values()] == [[None] * 6] * 4
     assert in_words(metrics, ["a", "b"]) == ""
@@ -117,13 +117,13 @@ def test_agents_without_goal_have_no_metrics_of_one():
 
 def test_a_goal_that_never_rests_is_not_arrived_at():
     follow = {"type": "follow", "agent": "b", "offset": [0.0, 3.0]}
-    a = found(recording_of([follow, REST]))["a"]
+    a = figures(recording_of([follow, REST]))["a"]
     assert a["tracking_error_final"] == pytest.approx(10.0)
     assert (a["distance_to_goal"], a["arrived"], a["arrival_time"]) == (None, None, None)
 
 
 def test_least_distances_are_to_any_other_and_to_obstacles_less_their_clearance():
-    metrics = found(recording_of())
+    metrics = figures(recording_of())
     assert metrics["a"]["least_distance"] == pytest.approx(3.0)
     assert metrics["b"]["least_distance"] == pytest.approx(1.0)
     assert metrics["a"]["least_clearance"] == pytest.approx(5.0 - 2.0)
@@ -137,7 +137,7 @@ def test_an_input_counts_until_the_next_one_or_the_end():
         step("a", 2, 9.0, 3.0, Origin.NO_AUTHORITY),
         step("a", 3, 10.5, 9.0),
     ]
-    metrics = found(recording_of(steps=steps))
+    metrics = figures(recording_of(steps=steps))
     a = metrics["a"]
     assert a["input_energy"] == pytest.approx(3.0 * 4.0 + 5.0 * 1.0 + 1.0 * 9.0)
     assert a["input_deviation_mean"] == pytest.approx((3.0 * 1.0 + 5.0 * 0.0 + 1.0 * 2.0) / 9.0)
@@ -149,7 +149,7 @@ def test_an_input_counts_until_the_next_one_or_the_end():
 def test_a_recording_without_a_state_has_no_metrics():
     empty = recording_of([ALONG_X, REST])
     empty.states.clear()
-    assert {value for agent in found(empty).values() for value in agent.values()} == {None}
+    assert {value for agent in figures(empty).values() for value in agent.values()} == {None}
 
 
 def test_the_table_has_a_row_for_each_agent_and_the_swarm():
@@ -196,7 +196,7 @@ def test_a_mistaken_metric_of_ones_own_is_one_line(own, expected):
 
 
 def test_the_task_in_words():
-    metrics = found(recording_of([ALONG_X, [4.0, 0.0]]))
+    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]]))
     assert in_words(metrics, ["a", "b"]) == (
         "1 of 2 arrived, tracking error 2.5 m on average, deadlock for 10 s, least distance 1 m"
     )

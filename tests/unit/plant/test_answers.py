@@ -119,12 +119,12 @@ def test_a_report_of_agents_or_origins_that_there_are_not_is_refused(changes, re
 
 def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answers):
     answers.expect(0, sample(1))
-    own, others = KEYS.actuation("1"), KEYS.actuation("2")
+    key, other_key = KEYS.actuation("1"), KEYS.actuation("2")
     with pytest.raises(Malformed, match="bad seal"):
-        answers.accept(own, Sealer(b"another").seal(own, GOOD))
+        answers.accept(key, Sealer(b"another").seal(key, GOOD))
     with pytest.raises(Malformed, match="out of order"):
-        answers.accept(others, SEALER.seal(others, GOOD))
-    assert answers.accept(own, SEALER.seal(own, GOOD)) is None
+        answers.accept(other_key, SEALER.seal(other_key, GOOD))
+    assert answers.accept(key, SEALER.seal(key, GOOD)) is None
     assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 

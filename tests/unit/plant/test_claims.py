@@ -18,79 +18,79 @@ def claims(**lie: object) -> Claims:
     return Claims(build_swarm(load("unicycles", {"faults": faults})))
 
 
-def counted(found: Claims) -> tuple[int, int, float | None]:
-    return found.truthful.failed, found.truthful.checked, found.truthful.first
+def counted(checked: Claims) -> tuple[int, int, float | None]:
+    return checked.truthful.failed, checked.truthful.checked, checked.truthful.first
 
 
 def test_a_claim_is_true_if_it_is_the_actuators_input_and_its_time():
-    found = claims()
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert found.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
+    checked = claims()
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    assert checked.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
     for t, false in ((0.05, LIE), (0.06, Claim(0.031, TRUTH.u))):
-        assert found.check(0, Fate(1, 3, 0.0, (), false), t) == Finding(false=True)
-    assert counted(found) == (2, 3, 0.05)
-    assert found.truthful.note.endswith("false were 2 by 2")
+        assert checked.check(0, Fate(1, 3, 0.0, (), false), t) == Finding(false=True)
+    assert counted(checked) == (2, 3, 0.05)
+    assert checked.truthful.note.endswith("false were 2 by 2")
 
 
 def test_a_lost_broadcast_claims_nothing():
-    found = claims()
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    found.check(0, Fate(1, 3, -1.0), 0.04)
-    assert counted(found) == (0, 0, None)
+    checked = claims()
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    checked.check(0, Fate(1, 3, -1.0), 0.04)
+    assert counted(checked) == (0, 0, None)
 
 
 def test_a_claim_received_before_its_input_reached_the_actuator_is_checked_after():
-    found = claims(says="opposite")
-    found.add_truth(1, 2, TRUTH, TRUTH.t_apply)
-    assert found.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding()
-    assert counted(found) == (0, 0, None)
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert counted(found) == (1, 1, 0.04)
-    assert found.faults == {0: 1}
+    checked = claims(says="opposite")
+    checked.add_truth(1, 2, TRUTH, TRUTH.t_apply)
+    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding()
+    assert counted(checked) == (0, 0, None)
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    assert counted(checked) == (1, 1, 0.04)
+    assert checked.faults == {0: 1}
 
 
 def test_a_declared_lie_is_counted_for_each_peer_that_heard_it():
-    found = claims(says="opposite", to=["1"])
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert found.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding(True, (0,))
-    assert found.check(2, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
+    checked = claims(says="opposite", to=["1"])
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding(True, (0,))
+    assert checked.check(2, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
     # No fault declares that agent 3 is lied to as well: a lie of the agent's own, or agent 3's.
-    assert found.check(2, Fate(1, 3, 0.0, (), LIE), 0.05) == Finding(True)
-    assert found.faults == {0: 1}
-    assert counted(found) == (2, 3, 0.04)
+    assert checked.check(2, Fate(1, 3, 0.0, (), LIE), 0.05) == Finding(True)
+    assert checked.faults == {0: 1}
+    assert counted(checked) == (2, 3, 0.04)
 
 
 def test_a_replayed_input_is_recognised_from_earlier_ones():
-    found = claims(replay=2)
+    checked = claims(replay=2)
     old = Claim(0.01, (4.0, 0.0))
-    for k, given in ((1, old), (3, TRUTH)):
-        found.add_truth(1, k, given, given.t_apply)
-    said = Claim(TRUTH.t_apply, old.u)
-    assert found.check(0, Fate(1, 3, 0.0, (), said), 0.04).lies == (0,)
+    for k, claim in ((1, old), (3, TRUTH)):
+        checked.add_truth(1, k, claim, claim.t_apply)
+    replayed = Claim(TRUTH.t_apply, old.u)
+    assert checked.check(0, Fate(1, 3, 0.0, (), replayed), 0.04).lies == (0,)
 
 
 @pytest.mark.parametrize("held_from", [0.0345, math.inf])
 def test_an_input_that_was_held_late_or_never_makes_its_broadcast_false(held_from):
-    found = claims()
-    found.add_truth(1, 3, TRUTH, held_from)
-    assert found.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding(false=True)
-    assert found.betrayals == {"2": TRUTH.t_apply}
-    assert not found.faults
+    checked = claims()
+    checked.add_truth(1, 3, TRUTH, held_from)
+    assert checked.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding(false=True)
+    assert checked.betrayals == {"2": TRUTH.t_apply}
+    assert not checked.faults
 
 
 def test_an_adversary_accuses_nobody():
-    found = claims()
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert found.check(0, Fate(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()
-    assert counted(found) == (0, 0, None)
-    assert not found.betrayals
+    checked = claims()
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()
+    assert counted(checked) == (0, 0, None)
+    assert not checked.betrayals
 
 
 def test_who_heard_a_false_claim_was_misled_from_the_time_that_it_names():
-    found = claims(says="opposite", to=["1"])
-    found.add_truth(1, 3, TRUTH, TRUTH.t_apply)
+    checked = claims(says="opposite", to=["1"])
+    checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
     for receiver, claim in ((0, LIE), (2, TRUTH)):
-        found.check(receiver, Fate(1, 3, 0.0, (), claim), 0.04)
+        checked.check(receiver, Fate(1, 3, 0.0, (), claim), 0.04)
     # As ages are reported, and times are sums of periods.
-    assert [found.misled(i, 1, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
-    assert not found.misled(0, 1, LIE.t_apply - 0.01)
+    assert [checked.misled(i, 1, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
+    assert not checked.misled(0, 1, LIE.t_apply - 0.01)

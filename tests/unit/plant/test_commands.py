@@ -93,13 +93,13 @@ def fault(kind: str, at: float, until: float | None = None, agent: str = "1") ->
 def test_of_faults_that_overlap_none_ends_another(faults, expected):
     queue = CommandQueue(CommandPolicy(), ("1", "2", "3", "4", "5"))
     queue.declare(declared(build_swarm(load("unicycles", {"faults": faults}))))
-    state, found = FaultState(("1", "2", "3", "4", "5")), ""
+    state, letters = FaultState(("1", "2", "3", "4", "5")), ""
     letter = {Condition.FINE: ".", Condition.FROZEN: "f", Condition.DEAD: "d"}
     for t in range(7):
         for command in queue.due(t):
             state.apply(command)
-        found += letter[state.condition[0]]
-    assert found == expected
+        letters += letter[state.condition[0]]
+    assert letters == expected
 
 
 @pytest.mark.parametrize(("real_time", "expected"), [(False, ["speed"]), (True, [])])

@@ -25,9 +25,9 @@ class Pair:
         """Agent 0 takes a sample: first and last of agent 1's broadcasts that exist for it."""
         self.samples += 1
         t = PERIOD * (self.k - 0.5) + later + 1e-6 * self.samples
-        seen = (0, 1) if sees else (0,)
-        since, latest = self.contacts.existing(0, t, seen)
-        self.contacts.sampled(0, self.samples, t, Visibility(seen, ()))
+        visible = (0, 1) if sees else (0,)
+        since, latest = self.contacts.existing(0, t, visible)
+        self.contacts.sampled(0, self.samples, t, Visibility(visible, ()))
         assert (since[0], latest[0]) == (-1, -1), "no agent receives from itself"
         return (since[1], latest[1]) if sees else (-1, -1)
 

@@ -79,10 +79,10 @@ def test_the_swarms_disturbance_stacks_its_agents():
     stacked = SwarmDisturbance(rows)
     for t in (0.0, 0.05, 0.13, 0.2, 0.31):
         line = stacked.line(t, swarm.start())
-        each = [
+        lines = [
             RandomDisturbance(0, name, swarm.groups[i].disturbance, 3).line(t)
             for i, name in enumerate(swarm.names)
         ]
-        assert line.end == min(l.end for l in each)
+        assert line.end == min(l.end for l in lines)
         middle = (t + line.end) / 2
-        assert line.at(middle) == pytest.approx(np.concatenate([l.at(middle) for l in each]))
+        assert line.at(middle) == pytest.approx(np.concatenate([l.at(middle) for l in lines]))

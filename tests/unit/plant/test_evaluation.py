@@ -30,9 +30,9 @@ def test_several_histories_at_once_give_the_values_of_each_alone(name):
         histories.append(world.take_history())
     together, alone = list(Evaluation(rows).of(histories)), Evaluation(rows)
     for number, history in enumerate(histories):
-        found, expected = figures(together, number), figures(alone.of([history]))
-        assert found.shape == expected.shape
-        assert (found == expected).all()
+        values, expected = figures(together, number), figures(alone.of([history]))
+        assert values.shape == expected.shape
+        assert (values == expected).all()
 
 
 def test_no_history_has_no_values():

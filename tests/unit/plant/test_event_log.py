@@ -44,12 +44,12 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
     hunted["dynamics"]["speed"] = 1e-3
     scenario = phalanx.load({**LINE, "agents": [hunted, hunter]})
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
-    left = run.events.filter(run.events["text"].str.contains("left the safe set"))
-    assert left["text"].to_list() == [
+    exits = run.events.filter(run.events["text"].str.contains("left the safe set"))
+    assert exits["text"].to_list() == [
         "hunted-obstacle 0 left the safe set",
         "hunted-hunter left the safe set",
     ]
-    assert left["t"][0] == 0.0 < left["t"][1]
+    assert exits["t"][0] == 0.0 < exits["t"][1]
     assert {v.pair for v in run.summary.violations} == {"hunted-obstacle 0", "hunted-hunter"}
     assert run.summary.worst_pair == "hunted-obstacle 0"
 
@@ -101,15 +101,15 @@ def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
 
 def certified(run: phalanx.Run) -> set[float]:
     """The recorded certificates, which must be those of the true states of the inputs."""
-    swarm, recording, found = build_swarm(run.scenario), run.recording, set()
+    swarm, recording, times = build_swarm(run.scenario), run.recording, set()
     certificates, states = SwarmCertificates(swarm), {s.t: np.array(s.x) for s in recording.states}
     for step in recording.steps:
         i = swarm.names.index(step.agent)
         if i in swarm.normal:
             proven = certificates.of(i)(states[step.t_apply], np.array(step.u))
             assert step.certified == proven.min()
-            found.add(step.certified)
-    return found
+            times.add(step.certified)
+    return times
 
 
 @pytest.mark.slow
@@ -128,6 +128,6 @@ def test_an_agent_from_far_away_counts_in_certificates_when_it_is_near():
     hunter = agent("hunter", "adversary", [2.5, 0.0], "pursue")
     hunted["dynamics"]["speed"] = 1e-3
     run = phalanx.run(phalanx.load({**LINE, "agents": [hunted, hunter]}), engine="in-process")
-    found = certified(run)
-    assert min(found) == 0.0
-    assert len(found) > 3
+    times = certified(run)
+    assert min(times) == 0.0
+    assert len(times) > 3

@@ -13,7 +13,7 @@ def pairs() -> ComposedSet:
     return swarm_of_scenario("unicycles").safe_set
 
 
-def seen(
+def show(
     truth: PairExtremes, times: list[float], **h: list[float]
 ) -> tuple[float, list[tuple[float, str, bool]]]:
     """Show a history: the pairs' h by label ("1-2" as p1_2), all others -50.
@@ -32,9 +32,9 @@ def seen(
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
     truth = PairExtremes(pairs())
-    seen(truth, [0.1, 0.2, 0.3], p1_2=[-1.0, -0.5, 0.5])
-    seen(truth, [0.4, 0.6], p1_2=[2.0, -0.1], p3_5=[-3.0, 0.25])
-    seen(truth, [0.7, 0.8], p1_2=[-0.2, 0.1], p3_5=[0.5, -1.0])
+    show(truth, [0.1, 0.2, 0.3], p1_2=[-1.0, -0.5, 0.5])
+    show(truth, [0.4, 0.6], p1_2=[2.0, -0.1], p3_5=[-3.0, 0.25])
+    show(truth, [0.7, 0.8], p1_2=[-0.2, 0.1], p3_5=[0.5, -1.0])
     deeper, shallower = truth.violations()
     assert (deeper.pair, shallower.pair) == ("1-2", "3-5")
     assert (deeper.first, deeper.worst, deeper.worst_at) == (0.3, 2.0, 0.4)
@@ -53,18 +53,18 @@ def test_each_excursion_of_a_pair_has_its_own_begin_and_end():
         ([0.5, 0.6], [-1.0, -1.0]),
         ([0.7, 0.8], [-1.0, 0.1]),
     ):
-        crossings += seen(truth, times, p1_2=h)[1]
+        crossings += show(truth, times, p1_2=h)[1]
     assert crossings == [
         (t, "1-2", unsafe)
         for t, unsafe in ((0.1, True), (0.2, False), (0.4, True), (0.5, False), (0.8, True))
     ]
     (violation,) = truth.violations()
     assert (violation.count, violation.first, violation.begin, violation.end) == (3, 0.1, 0.8, None)
-    seen(truth, [0.9], p1_2=[0.05])
+    show(truth, [0.9], p1_2=[0.05])
     (violation,) = truth.violations()
     assert violation.duration == pytest.approx(0.1 + 0.1 + 0.1), "it lasts until now"
     assert violation.times == "0.300 s from t = 0.100 s on, in 3 excursions"
-    seen(truth, [1.0], p1_2=[-0.1])
+    show(truth, [1.0], p1_2=[-0.1])
     (violation,) = truth.violations()
     assert (violation.end, violation.times[-27:]) == (1.0, "to 1.000 s, in 3 excursions")
 
@@ -72,7 +72,7 @@ def test_each_excursion_of_a_pair_has_its_own_begin_and_end():
 def test_the_worst_h_is_of_the_worst_pair_and_not_where_h_tot_is_largest():
     """Many pairs that are nearly unsafe make a larger h_tot than one that is."""
     truth = PairExtremes(pairs())
-    seen(truth, [0.1], p1_2=[0.3])
+    show(truth, [0.1], p1_2=[0.3])
     (steps,) = [np.full((1, len(labels())), -0.001)]
     zero = np.zeros(1, dtype=np.intp)
     every, h_tot = np.arange(len(labels())), np.array([0.9])
@@ -99,7 +99,7 @@ def test_a_history_counts_once_it_is_taken_and_not_when_it_is_evaluated():
 
 def test_h_at_exactly_zero_is_safe():
     truth = PairExtremes(pairs())
-    _, crossings = seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
+    _, crossings = show(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
     assert truth.violations() == []
     assert crossings == []
 
@@ -108,7 +108,7 @@ def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
     truth = PairExtremes(pairs())
     crossings = []
     for t, h in ((0.1, -0.005), (0.2, 0.1), (0.3, -1.0)):
-        crossings += seen(truth, [t], p1_2=[h])[1]
+        crossings += show(truth, [t], p1_2=[h])[1]
     assert truth.largest_h_tot > 0.0
     assert crossings == [(0.2, "1-2", True), (0.3, "1-2", False)]
 
@@ -116,7 +116,7 @@ def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
 def test_an_h_that_is_not_a_number_is_not_safe():
     """NaN > 0 is false, but so is NaN <= 0, and safe is h <= 0."""
     truth = PairExtremes(pairs())
-    seen(truth, [0.1, 0.2], p1_2=[-1.0, float("nan")])
+    show(truth, [0.1, 0.2], p1_2=[-1.0, float("nan")])
     assert [v.pair for v in truth.violations()] == ["1-2"]
 
 
@@ -127,7 +127,7 @@ def test_the_peak_is_that_of_a_history_and_of_the_value_before_it():
         ([0.3, 0.4], [-3.0, -2.5], -1.99),
         ([0.5, 0.6], [-3.0, -4.0], -2.49),
     ):
-        peak, _ = seen(truth, times, p1_2=h)
+        peak, _ = show(truth, times, p1_2=h)
         assert peak == pytest.approx(highest)
     assert truth.largest_h_tot == pytest.approx(-0.99)
 
@@ -138,27 +138,27 @@ def test_the_worst_pair_is_that_of_all_steps_and_the_largest_that_of_the_last():
         ([0.1, 0.2], {"p3_5": [-1.0, -4.0], "p1_3": [-2.0, -2.0]}, "1-3"),
         ([0.3], {"p1_2": [-3.0]}, "1-2"),
     ):
-        seen(truth, times, **h)
+        show(truth, times, **h)
         assert (truth.worst_pair, truth.label(truth.largest)) == ("3-5", largest)
 
 
 def test_what_is_unsafe_at_the_start_is_so_from_zero_on():
     truth = PairExtremes(pairs())
-    seen(truth, [0.0, 0.1], p1_2=[0.5, 0.4])
+    show(truth, [0.0, 0.1], p1_2=[0.5, 0.4])
     (violation,) = truth.violations()
     assert (violation.first, violation.duration) == (0.0, 0.1)
 
 
 def test_what_a_pair_does_once_it_is_excluded_is_not_counted():
     truth = PairExtremes(pairs())
-    seen(truth, [0.1], p1_2=[0.5])
+    show(truth, [0.1], p1_2=[0.5])
     assert truth.excluded() is None
     truth.exclude(np.array([0]), 0.15)
-    _, crossings = seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
+    _, crossings = show(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
     (excluded,) = truth.excluded()
     assert (excluded.pair, excluded.first, excluded.worst) == ("1-2", 0.2, 2.0)
-    found = [(each.pair, each.first, each.end, each.worst) for each in truth.violations()]
-    assert found == [("1-2", 0.1, 0.15, 0.5), ("3-5", 0.2, None, 0.25)]
+    violations = [(v.pair, v.first, v.end, v.worst) for v in truth.violations()]
+    assert violations == [("1-2", 0.1, 0.15, 0.5), ("3-5", 0.2, None, 0.25)]
     assert crossings == [(0.2, "1-2", True), (0.2, "3-5", True)]
     assert truth.in_words(Crossing(0.2, 0, True)).startswith("1-2 left the safe set, not counted")
     three_five = labels().index("3-5")

@@ -30,13 +30,13 @@ def require_pending(_: str, payload: bytes) -> None:
         raise Malformed("bad seal")
 
 
-def taken(incoming: IncomingQueue) -> list[tuple[str, bytes | bool]]:
-    found = []
+def drain(incoming: IncomingQueue) -> list[tuple[str, bytes | bool]]:
+    messages = []
     while True:
         try:
-            found.append(incoming.get(timeout=0.0))
+            messages.append(incoming.get(timeout=0.0))
         except queue.Empty:
-            return found
+            return messages
 
 
 def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
@@ -44,7 +44,7 @@ def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
         incoming.put_payload(KEY, b"?")
     incoming.put_payload(OTHER, b"!")
     incoming.put_token("phalanx/r/alive/1/d", False)
-    assert taken(incoming) == [
+    assert drain(incoming) == [
         *[(KEY, b"?")] * _MOST,
         (OTHER, b"!"),
         ("phalanx/r/alive/1/d", False),
@@ -57,10 +57,10 @@ def test_a_flood_does_not_drown_an_answer_that_is_awaited(incoming, refusals):
         for _ in range(_MOST):
             incoming.put_payload(KEY, b"?")
         incoming.put_payload(KEY, ANSWER)
-    assert taken(incoming).count((KEY, ANSWER)) == 10
+    assert drain(incoming).count((KEY, ANSWER)) == 10
     for _ in range(10 * _MOST):
         incoming.put_payload(KEY, ANSWER)
-    assert len(taken(incoming)) == 2 * _MOST
+    assert len(drain(incoming)) == 2 * _MOST
     assert refusals.counts == {"bad seal": 9 * _MOST, "too many": 8 * _MOST}
 
 
@@ -68,7 +68,7 @@ def test_there_is_room_again_for_what_was_taken(incoming, refusals):
     for _ in range(3):
         for _ in range(_MOST):
             incoming.put_payload(KEY, b"?")
-        assert len(taken(incoming)) == _MOST
+        assert len(drain(incoming)) == _MOST
     assert refusals.counts == {}
 
 
@@ -77,13 +77,13 @@ def test_there_is_room_again_for_what_was_taken(incoming, refusals):
 )
 def test_under_any_other_key_nothing_comes(incoming, refusals, key):
     incoming.put_payload(key, b"?")
-    assert taken(incoming) == []
+    assert drain(incoming) == []
     assert refusals.counts == {"unknown sender": 1}
 
 
 def test_what_is_too_large_does_not_wait(incoming, refusals):
     incoming.put_payload(KEY, bytes(MAX_BYTES + 1))
-    assert taken(incoming) == []
+    assert drain(incoming) == []
     assert refusals.counts == {"oversized": 1}
 
 

@@ -20,21 +20,21 @@ def test_an_agent_of_another_scenario_does_not_join(joining: Joining):
 
 
 def test_an_agent_that_joined_is_missed_when_its_own_token_goes(joining: Joining):
-    own = KEYS.alive("1", joining.digest)
-    assert joining.on_token(own, True) is None
+    token = KEYS.alive("1", joining.digest)
+    assert joining.on_token(token, True) is None
     assert joining.missing() == ("2", "3", "4", "5")
     assert joining.on_token(KEYS.alive("1", "0123"), False) is None, "another's"
     joining.begin()
-    assert joining.on_token(own, False) == "agent 1 died: see its log"
+    assert joining.on_token(token, False) == "agent 1 died: see its log"
 
 
 def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
-    own = KEYS.alive("1", joining.digest)
-    joining.on_token(own, True)
-    assert joining.on_token(own, False) is None
+    token = KEYS.alive("1", joining.digest)
+    joining.on_token(token, True)
+    assert joining.on_token(token, False) is None
     assert joining.missing() == ("1", "2", "3", "4", "5")
     assert joining.gone_for(0.0) == ["1"]
-    joining.on_token(own, True)
+    joining.on_token(token, True)
     assert joining.missing() == ("2", "3", "4", "5")
     assert joining.gone_for(0.0) == []
 
@@ -42,9 +42,9 @@ def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
 def test_an_agent_lost_before_the_run_began_is_given_up_after_a_while():
     wall = [100.0]
     joining = Joining(swarm_of_scenario("unicycles"), may_leave=False, now=lambda: wall[0])
-    own = KEYS.alive("1", joining.digest)
-    joining.on_token(own, True)
-    joining.on_token(own, False)
+    token = KEYS.alive("1", joining.digest)
+    joining.on_token(token, True)
+    joining.on_token(token, False)
     wall[0] += 3.9
     assert joining.gone_for(4.0) == []
     wall[0] += 0.2
@@ -60,15 +60,15 @@ def test_tokens_of_no_agent_are_ignored(joining: Joining, key: str):
 def test_an_agent_that_was_ordered_to_exit_exits_once_and_another_may_come_at_once(
     joining: Joining,
 ):
-    own = KEYS.alive("2", joining.digest)
-    joining.on_token(own, True)
+    token = KEYS.alive("2", joining.digest)
+    joining.on_token(token, True)
     joining.begin()
     joining.dismiss("2")
     assert joining.exits("2")
-    assert joining.on_token(own, False) is None
+    assert joining.on_token(token, False) is None
     assert not joining.exits("2")
     assert not joining.has("2")
-    joining.on_token(own, True)
+    joining.on_token(token, True)
     assert joining.has("2")
     assert not joining.exits("2"), "the new one is not taken for the old"
-    assert joining.on_token(own, False) == "agent 2 died: see its log"
+    assert joining.on_token(token, False) == "agent 2 died: see its log"

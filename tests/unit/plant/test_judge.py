@@ -129,8 +129,8 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
     """Agent 2 tells agent 1 another input than it holds, and agent 3 the truth."""
     judge = judge_of()
     apply(judge, 1, t=0.0, u=(1.0, 0.0))
-    for i, said in ((0, -1.0), (2, 1.0)):
-        fates = (Fate(1, 0, 0.0, (), Claim(0.0, (said, 0.0))),)
+    for i, speed in ((0, -1.0), (2, 1.0)):
+        fates = (Fate(1, 0, 0.0, (), Claim(0.0, (speed, 0.0))),)
         apply(judge, i, t=0.005, ages=((1, 0.005),), fates=fates)
     assert counted(judge, "received inputs in force") == (1, 2, 0.005)
     assert counted(judge, "truthful broadcasts") == (1, 2, 0.005)
@@ -376,8 +376,8 @@ def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
     coverage.ends[:], coverage.ends[3] = 2.0, 1.0
     for t in (1.0, 1.25, 1.5):
         coverage.reached(t)
-    found, summary = coverage.assumption, coverage.summary
-    assert (found.failed, found.checked, found.first) == (2, 3, 1.25)
+    certificates, summary = coverage.assumption, coverage.summary
+    assert (certificates.failed, certificates.checked, certificates.first) == (2, 3, 1.25)
     assert summary.uncovered_at == 1.0
 
 

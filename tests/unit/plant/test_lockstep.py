@@ -189,8 +189,8 @@ def run_of(agents: Slow, folder: Path, *overrides: str) -> Summary:
 def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_the_same(
     tmp_path: Path,
 ) -> None:
-    wanted, near = (1.5, 0.5), ("safety.neighbourhood=4.0", "agents.1.sensing=4.0")
-    after_one_another, at_once = Slow(wanted), Slow(wanted)
+    durations, near = (1.5, 0.5), ("safety.neighbourhood=4.0", "agents.1.sensing=4.0")
+    after_one_another, at_once = Slow(durations), Slow(durations)
     alone = run_of(after_one_another, tmp_path, *near, "time.lookahead=false")
     together = run_of(at_once, tmp_path, *near)
     assert (after_one_another.most, at_once.most) == (1, 5)

@@ -35,10 +35,10 @@ def test_known_states_are_the_worlds_however_late_the_answers_of_others(seed):
             late.remove(due)
             ahead.end_unknown(due[1], due[2])
         unknown = set(ahead.unknown)
-        for i, (known, true) in enumerate(
+        for i, (state, truth) in enumerate(
             zip(behind.integration.x.reshape(5, 3), world.x.reshape(5, 3), strict=True)
         ):
-            assert np.isnan(known).all() if i in unknown else np.array_equal(known, true)
+            assert np.isnan(state).all() if i in unknown else np.array_equal(state, truth)
         for i in set(range(5)) - unknown:
             if rng.random() < 0.5:
                 lost = rng.random() < 0.3

@@ -36,12 +36,12 @@ def course(
 
 def test_a_lost_sample_is_missed_and_the_clock_goes_on_as_it_would_have():
     _, whole, _ = course(swarm_with())
-    links, kept, inputs = course(swarm_with(sample={"loss": 0.3}))
+    links, with_losses, inputs = course(swarm_with(sample={"loss": 0.3}))
     count = sum(map(len, whole.values()))
-    for i, times in kept.items():
+    for i, times in with_losses.items():
         assert set(times) < set(whole[i])
         assert [k for j, k, *_ in inputs if j == i] == list(range(len(times)))
-    missed = count - sum(map(len, kept.values()))
+    missed = count - sum(map(len, with_losses.values()))
     assert links.faults == {0: missed}
     assert missed / count == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / count))
 
@@ -106,8 +106,8 @@ def test_a_lost_input_is_lost_and_the_others_are_not_late():
 def test_one_robots_links_do_not_affect_another_robot():
     faulty = [{"of": "sample", "to": "2", "loss": 0.5}]
     _, whole, _ = course(swarm_with())
-    _, kept, _ = course(swarm_with(links=faulty))
-    assert {i for i in whole if whole[i] != kept[i]} == {1}
+    _, with_losses, _ = course(swarm_with(links=faulty))
+    assert {i for i in whole if whole[i] != with_losses[i]} == {1}
 
 
 @pytest.mark.parametrize(

@@ -76,15 +76,15 @@ def test_the_real_time_factor_counts_no_time_before_all_have_joined(
 ) -> None:
     monkeypatch.setattr(publisher, "_STATUS_EVERY", 0.0)
     rows = rows_of_scenario("unicycles", "duration=0.5")
-    found: list[tuple[Status, float]] = []
+    statuses: list[tuple[Status, float]] = []
     joined: list[float] = []
 
     def join() -> None:
         compile_rows(rows)
         joined.append(time.monotonic())
 
-    agents = DirectAgents(rows, lambda status: found.append((status, time.monotonic())))
+    agents = DirectAgents(rows, lambda status: statuses.append((status, time.monotonic())))
     commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
     PlantRun(rows, agents, None, commands, Lockstep).run(prepare=join)
-    assert found[-1][0].t > 0.0
-    assert all(status.real_time_factor * (now - joined[0]) >= status.t for status, now in found)
+    assert statuses[-1][0].t > 0.0
+    assert all(status.real_time_factor * (now - joined[0]) >= status.t for status, now in statuses)

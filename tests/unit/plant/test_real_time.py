@@ -93,20 +93,20 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_inputs_that_are_there_in_time_take_effect_when_they_are_due(run) -> None:
     summary, recording = run(OnTheWall(lambda i, k: 0.002))
     assert all(step.t_apply == step.t + LATENCY for step in recording.steps)
-    found = summary.punctuality
-    assert (found.missed, found.late, found.unanswered) == (0, 0, 0)
-    assert found.samples >= 2 * 0.2 / PERIOD
-    assert found.measured[-1].p50 == pytest.approx(0.002, abs=1e-5)
+    punctuality = summary.punctuality
+    assert (punctuality.missed, punctuality.late, punctuality.unanswered) == (0, 0, 0)
+    assert punctuality.samples >= 2 * 0.2 / PERIOD
+    assert punctuality.measured[-1].p50 == pytest.approx(0.002, abs=1e-5)
 
 
 @pytest.mark.slow
 def test_its_recording_begins_at_the_start_and_is_certified(run) -> None:
     summary, recording = run(OnTheWall(lambda i, k: 0.002))
     assert recording.states[0].t == 0.0
-    found = certify(recording.scenario, recording.states, recording.steps)
+    report = certify(recording.scenario, recording.states, recording.steps)
     assert summary.certificates.uncovered is None
-    assert found.gap is None
-    assert found.samples > 15
+    assert report.gap is None
+    assert report.samples > 15
     of_before = certify(recording.scenario, recording.states[1:], recording.steps)
     assert of_before.gap.t == 0.0
 

@@ -137,11 +137,11 @@ def test_agents_that_came_near_since_the_last_search_are_not_left_out(before, af
 )
 def test_a_users_function_has_all_its_pairs_whatever_reach_it_returns(function, monkeypatch):
     radius = ", radius = 1.0" if function == "ShortSighted" else ""
-    own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
-    rows = rows_of_scenario("swarm2d", *LARGE, own)
+    setting = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
+    rows = rows_of_scenario("swarm2d", *LARGE, setting)
     looking, _ = both(rows, monkeypatch)
-    found = at(looking, rows.swarm, rows.swarm.start()[None])
-    assert len(found.pairs) == len(rows.swarm.safe_set.pairs)
+    values = at(looking, rows.swarm, rows.swarm.start()[None])
+    assert len(values.pairs) == len(rows.swarm.safe_set.pairs)
 
 
 def test_pairs_are_numbered_as_the_safe_set_has_them(monkeypatch):
@@ -177,6 +177,6 @@ def test_pairs_that_do_not_count_hide_none_that_does(monkeypatch):
     labels = [swarm.safe_set.label(pair) for pair in swarm.safe_set.pairs]
     assert {labels[k] for k in at(looking, swarm, states).pairs} == {"a-b"}
     looking.excluded[labels.index("a-b")] = True
-    found = at(looking, swarm, states)
-    assert {"a-b", "c-d"} <= {labels[k] for k in found.pairs}
-    assert found.least[0] <= 1.0 - 11.0**2
+    values = at(looking, swarm, states)
+    assert {"a-b", "c-d"} <= {labels[k] for k in values.pairs}
+    assert values.least[0] <= 1.0 - 11.0**2

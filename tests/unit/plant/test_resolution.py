@@ -39,18 +39,18 @@ def stepped(x, u, phi, slope, s):
     k2 = unicycle(moved(s / 2, k1), u, push(s / 2))
     k3 = unicycle(moved(s / 2, k2), u, push(s / 2))
     k4 = unicycle(moved(s, k3), u, push(s))
-    each = zip(k1, k2, k3, k4, strict=True)
-    return moved(s / 6, [a + 2 * b + 2 * c + d for a, b, c, d in each])
+    rates = zip(k1, k2, k3, k4, strict=True)
+    return moved(s / 6, [a + 2 * b + 2 * c + d for a, b, c, d in rates])
 
 
 def true_defect(x, u, phi, slope, s) -> float:
     """Difference of the step's own rate from that of the equation, at s."""
     d = mpmath.mpf(2) ** -50
     ends = [stepped(x, u, phi, slope, s + side * d) for side in (-1, 1)]
-    own = [(b - a) / (2 * d) for a, b in zip(*ends, strict=True)]
+    motion = [(b - a) / (2 * d) for a, b in zip(*ends, strict=True)]
     push = [a + s * b for a, b in zip(phi, slope, strict=True)]
     rate = unicycle(stepped(x, u, phi, slope, s), u, push)
-    return float(mpmath.norm([a - b for a, b in zip(own, rate, strict=True)]))
+    return float(mpmath.norm([a - b for a, b in zip(motion, rate, strict=True)]))
 
 
 def segment(swarm, seed: int, turning: float) -> Segment:
@@ -75,9 +75,9 @@ def test_no_step_is_farther_off_than_its_bound(seed, turning):
         for share in (0.3, 1.0):
             for i in range(len(swarm.members)):
                 part = slice(3 * i, 3 * i + 3)
-                own = [list(map(float, each[part])) for each in (x, phi, way.slope)]
+                state, push, push_rate = (list(map(float, v[part])) for v in (x, phi, way.slope))
                 u = way.u[2 * i : 2 * i + 2].tolist()
-                off = true_defect(own[0], u, own[1], own[2], mpmath.mpf(share * dt))
+                off = true_defect(state, u, push, push_rate, mpmath.mpf(share * dt))
                 assert off <= bound
     assert turning > 2.0 or bound < 1e-5
     assert turning < 12566.0 or bound > DEFECT
@@ -125,12 +125,12 @@ class Bumpy(SingleIntegrator):
 
 
 @pytest.mark.parametrize(
-    ("kink", "y", "known"), [(False, 1.0, False), (True, 0.0, False), (True, 1.0, True)]
+    ("kink", "y", "resolved"), [(False, 1.0, False), (True, 0.0, False), (True, 1.0, True)]
 )
-def test_what_a_step_cannot_see_is_not_resolved(kink, y, known):
-    own = f"{{ type = '{__name__}:Bumpy', speed = 1.0, kink = {str(kink).lower()} }}"
-    rows = rows_of_scenario("one-on-one", f"agents.0.dynamics={own}")
+def test_what_a_step_cannot_see_is_not_resolved(kink, y, resolved):
+    dynamics = f"{{ type = '{__name__}:Bumpy', speed = 1.0, kink = {str(kink).lower()} }}"
+    rows = rows_of_scenario("one-on-one", f"agents.0.dynamics={dynamics}")
     integration = World(rows).integration
     integration.x[:2] = 3e-7, y
     way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
-    assert (Resolution(rows.swarm).defects([way]) <= DEFECT).tolist() == [known]
+    assert (Resolution(rows.swarm).defects([way]) <= DEFECT).tolist() == [resolved]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from phalanx_plant.clock.commands import declared
-from phalanx_plant.sampling.sampling import Sampling, TakenSample
+from phalanx_plant.sampling.sampling import Sampling
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.messages.kinds import Sample
@@ -42,9 +42,9 @@ class Taking:
         self.schedule = self.sampling.schedule
         self.processes, self.x, self.p = Recorded(), swarm.start(), swarm.positions(swarm.start())
 
-    def take(self, i: int, t: float) -> TakenSample:
+    def take(self, i: int, t: float) -> Sample:
         (visible,) = self.sampling.sensing.visible(self.p, [i])
-        return self.sampling.take(i, t, self.x, visible)
+        return self.sampling.take(i, t, self.x, visible)[0]
 
     def apply(self, kind: CommandKind, t: float, agent: str = "2") -> tuple[int, ...]:
         return self.sampling.apply(Command(t, kind, agent), self.x, self.processes).forgotten
@@ -53,8 +53,8 @@ class Taking:
 def test_a_sample_tells_which_broadcasts_exist_for_it():
     taking = Taking()
     for i in (0, 1, 4):
-        assert taking.take(i, 0.0).sample.latest == (-1,) * 5
-    second = taking.take(0, 0.01).sample
+        assert taking.take(i, 0.0).latest == (-1,) * 5
+    second = taking.take(0, 0.01)
     assert (second.k, second.hearers) == (1, (1, 2))
     assert (second.since, second.latest) == ((-1, 0, -1, -1, -1),) * 2
 
@@ -71,7 +71,7 @@ def test_a_stopped_agent_neither_samples_nor_receives_until_it_continues(ends, b
     for t, kind, tick in ((0.1, ends, np.inf), (0.2, begins, 0.2)):
         taking.apply(kind, t)
         assert taking.schedule.tick(1) == tick
-        assert (1 in taking.take(0, t).sample.hearers) == (kind is begins)
+        assert (1 in taking.take(0, t).hearers) == (kind is begins)
     assert taking.processes.calls == [(word, 1) for word in calls]
 
 

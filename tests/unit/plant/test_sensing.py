@@ -24,10 +24,10 @@ def test_an_agent_sees_those_within_its_radius_and_those_that_see_it_and_listen_
     pose = x.reshape(5, 3)
     p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
     radius = [5.0, 5.0, 5.0, 8.0, 8.0]
-    apart = np.linalg.norm(p[:, None] - p, axis=2)
+    distances = np.linalg.norm(p[:, None] - p, axis=2)
     for i, visible in enumerate(Sensing(swarm).visible(swarm.positions(x), range(5))):
-        assert visible.seen == tuple(j for j in range(5) if apart[i, j] < radius[i])
-        heard = [j for j in range(3) if i < 3 and j != i and apart[i, j] < 5.0]
+        assert visible.seen == tuple(j for j in range(5) if distances[i, j] < radius[i])
+        heard = [j for j in range(3) if i < 3 and j != i and distances[i, j] < 5.0]
         assert list(visible.hearers) == heard
 
 
@@ -38,9 +38,9 @@ def test_a_broadcast_goes_to_no_agent_that_its_sender_does_not_see():
     swarm = build_swarm(scenario.model_copy(update={"agents": (near, short)}))
     x = np.zeros(15)
     x[12] = 5.0  # of the last agent
-    found = Sensing(swarm).visible(swarm.positions(x), range(5))
-    assert found[0] == Visibility((0, 1, 2, 3, 4), (1, 2, 3))
-    assert found[4] == Visibility((4,), ())
+    views = Sensing(swarm).visible(swarm.positions(x), range(5))
+    assert views[0] == Visibility((0, 1, 2, 3, 4), (1, 2, 3))
+    assert views[4] == Visibility((4,), ())
 
 
 def test_without_a_radius_all_agents_see_all():
@@ -78,16 +78,17 @@ def test_one_controller_sees_everything_and_receives_no_broadcast():
     assert Sensing(swarm).visible(np.zeros((5, 2)), [1]) == [Visibility((0, 1, 2, 3, 4), ())]
 
 
-@pytest.mark.parametrize("seen", [(0, 1, 2, 3, 4), (1, 4), (2,)])
-def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(seen):
+@pytest.mark.parametrize("visible", [(0, 1, 2, 3, 4), (1, 4), (2,)])
+def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(visible):
     states = StateCodec(swarm_of_scenario("unicycles"))
     x = np.random.default_rng(1).normal(size=15)
-    packed = states.pack(x, seen)
-    assert len(packed) == 8 * 3 * len(seen)
-    found = states.unpack(packed, seen).reshape(5, 3)
+    packed = states.pack(x, visible)
+    assert len(packed) == 8 * 3 * len(visible)
+    unpacked = states.unpack(packed, visible).reshape(5, 3)
     for l, state in enumerate(x.reshape(5, 3)):
-        assert np.array_equal(found[l], state) if l in seen else np.isnan(found[l]).all()
-    assert np.array_equal(states.unpack_one(seen[-1], packed, seen), x.reshape(5, 3)[seen[-1]])
+        assert np.array_equal(unpacked[l], state) if l in visible else np.isnan(unpacked[l]).all()
+    last = visible[-1]
+    assert np.array_equal(states.unpack_one(last, packed, visible), x.reshape(5, 3)[last])
 
 
 @pytest.mark.parametrize(

@@ -64,11 +64,11 @@ def test_the_integration_is_of_fourth_order():
     for step in (1e-3, 5e-4, 2.5e-4):
         finer = [f"time.integration_step={step}", "agents.0.disturbance.bound=0.0"]
         rows = rows_of_scenario("unicycles", *finer)
-        own = World(rows)
+        alone = World(rows)
         for i, u in enumerate(global_u):
-            own.apply(i, u)
-        own.advance(0.128)
-        errors.append(np.abs(own.x - exactly(rows.swarm, global_u, 0.128)).max())
+            alone.apply(i, u)
+        alone.advance(0.128)
+        errors.append(np.abs(alone.x - exactly(rows.swarm, global_u, 0.128)).max())
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(16, rel=0.15)
 
@@ -101,8 +101,8 @@ def test_advancing_in_pieces_gives_the_state_of_advancing_at_once(stops):
 
 
 def test_the_world_starts_at_the_scenarios_start_with_actuators_at_zero():
-    own = World(rows_of_scenario("unicycles"))
-    assert (own.x == rows_of_scenario("unicycles").swarm.start()).all()
+    truth = World(rows_of_scenario("unicycles"))
+    assert (truth.x == rows_of_scenario("unicycles").swarm.start()).all()
     calm = [f"agents.{group}.disturbance.bound=0.0" for group in (0, 1)]
     still = World(rows_of_scenario("unicycles", *calm))
     before = still.x
@@ -112,10 +112,10 @@ def test_the_world_starts_at_the_scenarios_start_with_actuators_at_zero():
 
 def test_h_is_evaluated_at_every_step_of_at_most_a_millisecond():
     rows = rows_of_scenario("unicycles")
-    own = world(rows)
-    own.advance(0.45)
-    history = own.take_history()
-    assert own.take_history() == []
+    truth = world(rows)
+    truth.advance(0.45)
+    history = truth.take_history()
+    assert truth.take_history() == []
     evaluated = list(Evaluation(rows).of([history]))
     steps = np.concatenate([s.times for s in evaluated])
     assert steps[0] == 0.0
@@ -124,7 +124,7 @@ def test_h_is_evaluated_at_every_step_of_at_most_a_millisecond():
     assert np.diff(steps).min() > 0
     knots = [s.t for s in history if isinstance(s, DisturbanceKnot)]
     assert knots == pytest.approx([0.0, 0.2, 0.4])
-    p = own.x.reshape(5, 3)
+    p = truth.x.reshape(5, 3)
     output = p[:, :2] + 0.25 * np.stack([np.cos(p[:, 2]), np.sin(p[:, 2])], axis=1)
     first = 1.0 - np.sum((output[0] - output[1]) ** 2)
     assert evaluated[-1].h[-1][evaluated[-1].pairs == 0] == pytest.approx(first)

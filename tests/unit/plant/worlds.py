@@ -42,9 +42,9 @@ class Unicycles:
             raise ValueError(f"expected more than {self.t}, got {until}")
         times = np.linspace(self.t, until, math.ceil((until - self.t) / self.step) + 1)[1:]
         times[-1] = until
-        found = WorldStates(times, {name: self.moved(name, times) for name in self.x})
+        states = WorldStates(times, {name: self.moved(name, times) for name in self.x})
         self.t = until
-        return found
+        return states
 
     def moved(self, name: str, times: np.ndarray) -> np.ndarray:
         states, (v, w) = [self.x[name]], self.u[name]
@@ -133,13 +133,13 @@ class Overwriting(Unicycles):
     """Returns the same arrays at each advance."""
 
     def advance(self, until: float) -> WorldStates:
-        found, before = super().advance(until), getattr(self, "returned", None)
+        states, before = super().advance(until), getattr(self, "returned", None)
         if before is None:
-            self.returned = found
-            return found
-        for name, x in found.x.items():
+            self.returned = states
+            return states
+        for name, x in states.x.items():
             before.x[name][:] = x[-len(before.x[name]) :]
-        return found
+        return states
 
 
 @dataclass
@@ -190,7 +190,7 @@ class Declared:
         self._rows = rows
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
-        self._own = Integration(self._rows)
+        self._integration = Integration(self._rows)
         self._agents = {agent.name: i for i, agent in enumerate(agents)}
 
     def reseed(self, seed: int) -> None:
@@ -199,12 +199,12 @@ class Declared:
     def hold(self, name: str, u: np.ndarray) -> None:
         if name not in self._agents or not np.isfinite(u).all():
             raise ValueError(f"expected finite numbers for an agent, got {name}: {u}")
-        self._own.hold(self._agents[name], u)
+        self._integration.hold(self._agents[name], u)
 
     def advance(self, until: float) -> WorldStates:
-        if until <= self._own.t:
-            raise ValueError(f"expected more than {self._own.t}, got {until}")
-        pieces = [p for p in self._own.integrate(until) if isinstance(p, Segment)]
+        if until <= self._integration.t:
+            raise ValueError(f"expected more than {self._integration.t}, got {until}")
+        pieces = [p for p in self._integration.integrate(until) if isinstance(p, Segment)]
         times = np.concatenate([p.t + p.dt * np.arange(1, len(p.x) + 1) for p in pieces])
         x, parts = np.concatenate([p.x for p in pieces]), self._rows.swarm.safe_set.parts
         times[-1] = until
