@@ -1,19 +1,16 @@
-"""Dynamics and safe-set functions as a user would write them, with numpy twins to check against.
-
-Each class has `f`, `g`: the same expressions in plain numpy, written apart from the CasADi ones.
-"""
+"""Dynamics and safe-set functions as a user would write them, and h_tot again in numpy."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 from scipy.special import logsumexp
 
 from phalanx.theory.arrays import Array
-from phalanx.theory.models.dynamics import box_polytope
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Sphere
@@ -47,12 +44,6 @@ class Drifter:
 
     def input_metric(self) -> tuple[float, ...]:
         return (1.0, 3.0)
-
-    def f(self, x: Array) -> Array:
-        return np.array([np.sin(x[1]), -0.3 * x[0] * x[2], np.cos(x[0] + x[1])])
-
-    def g(self, x: Array) -> Array:
-        return np.array([[1.0 + x[1] ** 2, 0.5], [np.sin(x[2]), 2.0], [x[0], 1.0]])
 
 
 @dataclass(frozen=True)
@@ -104,76 +95,6 @@ class OutputUnicycle:
         """(ν, ω) = native(θ) u, below Eq. (IOoutputs)."""
         cos, sin = np.cos(theta), np.sin(theta)
         return np.array([[cos, sin], [-sin / self.offset, cos / self.offset]])
-
-    def f(self, x: Array) -> Array:
-        return np.zeros(3)
-
-    def g(self, x: Array) -> Array:
-        ahead = np.array([[np.cos(x[2]), 0], [np.sin(x[2]), 0], [0, 1]])
-        return ahead @ self.native(x[2])
-
-
-@dataclass(frozen=True)
-class Draggy:
-    """Double integrator with drag: p' = v, v' = -β v + u; relative degree 2."""
-
-    drag: float = 0.7
-    force: float = 3.0
-
-    states = ("x", "y", "vx", "vy")
-    inputs = ("ax", "ay")
-
-    def drift(self, x: ca.SX) -> ca.SX:
-        return ca.vertcat(x[2:], -self.drag * x[2:])
-
-    def actuation(self, x: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX.zeros(2, 2), ca.SX.eye(2))
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[:2]
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.force, self.force))
-
-    def input_metric(self) -> tuple[float, ...]:
-        return (1.0, 1.0)
-
-    def f(self, x: Array) -> Array:
-        return np.concatenate([x[2:], -self.drag * x[2:]])
-
-    def g(self, x: Array) -> Array:
-        return np.vstack([np.zeros((2, 2)), np.eye(2)])
-
-
-@dataclass(frozen=True)
-class Jerky:
-    """Triple integrator on a line in the plane's x: relative degree 3, one input."""
-
-    jerk: float = 1.0
-
-    states = ("x", "y", "v", "a")
-    inputs = ("j",)
-
-    def drift(self, x: ca.SX) -> ca.SX:
-        return ca.vertcat(x[2], 0, x[3], 0)
-
-    def actuation(self, x: ca.SX) -> ca.SX:
-        return ca.SX([[0], [0], [0], [1]])
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[:2]
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.jerk,))
-
-    def input_metric(self) -> tuple[float, ...]:
-        return (1.0,)
-
-    def f(self, x: Array) -> Array:
-        return np.array([x[2], 0.0, x[3], 0.0])
-
-    def g(self, x: Array) -> Array:
-        return np.array([[0.0], [0.0], [0.0], [1.0]])
 
 
 @dataclass(frozen=True)
@@ -238,7 +159,7 @@ class Reaches(Oval):
 
 
 class Twin:
-    """h_tot and every member's f and g again, in numpy."""
+    """h_tot again, in numpy, and each member's f and g within the whole state."""
 
     def __init__(
         self,
@@ -248,50 +169,40 @@ class Twin:
         rho: float,
     ) -> None:
         self.members, self.obstacles, self.function, self.rho = members, obstacles, function, rho
-        ends = np.cumsum([len(m.dynamics.states) for m in members])
-        self.parts = [
-            slice(int(end) - len(m.dynamics.states), int(end))
-            for end, m in zip(ends, members, strict=True)
-        ]
+        ends = np.cumsum([0, *(len(m.dynamics.states) for m in members)]).tolist()
+        self.parts = [slice(*pair) for pair in pairwise(ends)]
+        self._fields = [_field(m) for m in members]
 
     def h(self, x: Array) -> Array:
         p = [self.position(l, x) for l in range(len(self.members))]
         normal = [l for l, m in enumerate(self.members) if not m.adversary]
-        found = [self._pair(p[i] - p[j]) for i in normal for j in normal if i < j]
         adversaries = [l for l, m in enumerate(self.members) if m.adversary]
-        found += [self._pair(p[i] - p[j]) for i in normal for j in adversaries]
+        pairs = [(i, j) for i in normal for j in normal if i < j]
+        pairs += [(i, j) for i in normal for j in adversaries]
+        values = [self._pair(p[i] - p[j]) for i, j in pairs]
         for i in normal:
-            clear = [(np.array(o.center), o.clearance) for o in self.obstacles]
-            found += [self._obstacle(p[i] - center, clearance) for center, clearance in clear]
-        return np.array(found)
+            values += [
+                self._obstacle(p[i] - np.array(o.center), o.clearance) for o in self.obstacles
+            ]
+        return np.array(values)
 
     def h_tot(self, x: Array) -> float:
         return float(logsumexp(self.rho * self.h(x)) / self.rho)
 
     def position(self, l: int, x: Array) -> Array:
-        own, dynamics = x[self.parts[l]], self.members[l].dynamics
-        if isinstance(dynamics, Unicycle | OutputUnicycle):
-            return own[:2] + dynamics.offset * np.array([np.cos(own[2]), np.sin(own[2])])
-        return own[: dynamics.dimension if isinstance(dynamics, SingleIntegrator) else 2]
+        return self._fields[l](x[self.parts[l]])[2]
 
     def f(self, l: int, x: Array) -> Array:
-        """f_l in the place of member l, zero elsewhere; shape (n̄,)."""
-        dynamics, found = self.members[l].dynamics, np.zeros_like(x)
-        if not isinstance(dynamics, Unicycle | SingleIntegrator):
-            found[self.parts[l]] = dynamics.f(x[self.parts[l]])
-        return found
+        """f_l at the states of member l, zero elsewhere; shape (n̄,)."""
+        drift = np.zeros_like(x)
+        drift[self.parts[l]] = self._fields[l](x[self.parts[l]])[0]
+        return drift
 
     def g(self, l: int, x: Array) -> Array:
-        """g_l in the place of member l, zero elsewhere; shape (n̄, m_l)."""
-        dynamics, own = self.members[l].dynamics, x[self.parts[l]]
-        found = np.zeros((len(x), len(dynamics.inputs)))
-        if isinstance(dynamics, Unicycle):
-            found[self.parts[l]] = [[np.cos(own[2]), 0], [np.sin(own[2]), 0], [0, 1]]
-        elif isinstance(dynamics, SingleIntegrator):
-            found[self.parts[l]] = np.eye(dynamics.dimension)
-        else:
-            found[self.parts[l]] = dynamics.g(own)
-        return found
+        """g_l at the states of member l, zero elsewhere; shape (n̄, m_l)."""
+        actuation = np.zeros((len(x), len(self.members[l].dynamics.inputs)))
+        actuation[self.parts[l]] = self._fields[l](x[self.parts[l]])[1]
+        return actuation
 
     def _pair(self, d: Array) -> float:
         f = self.function
@@ -303,6 +214,13 @@ class Twin:
         if isinstance(self.function, Separation):
             return float(radius**2 - d @ d)
         return self._pair(d) + radius
+
+
+def _field(member: Member) -> CompiledFunction:
+    """x -> f, g and the output point."""
+    x, dynamics = ca.SX.sym("x", len(member.dynamics.states)), member.dynamics
+    outputs = [dynamics.drift(x), dynamics.actuation(x), dynamics.position(x)]
+    return CompiledFunction([x], outputs)
 
 
 @dataclass

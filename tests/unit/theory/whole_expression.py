@@ -1,6 +1,6 @@
 """Terms of a chain as one expression of all states: what terms from kinds are compared with."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import NamedTuple
@@ -12,8 +12,6 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import FAR, ComposedSet
-
-_FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -27,9 +25,9 @@ class SetInSight(ComposedSet):
     def near(self) -> ca.SX:
         """1 for a pair in sight, else 0, shape (p,)."""
         p = self.positions
-        each = [ca.norm_2(q - p[self.i]) <= self.radius if q is not p[self.i] else 1 for q in p]
-        each += [o.distance(p[self.i]) <= self.radius for o in self.obstacles]
-        return ca.vertcat(*[each[a] * each[b] for a, b in self.pairs])
+        near = [ca.norm_2(q - p[self.i]) <= self.radius if q is not p[self.i] else 1 for q in p]
+        near += [o.distance(p[self.i]) <= self.radius for o in self.obstacles]
+        return ca.vertcat(*[near[a] * near[b] for a, b in self.pairs])
 
     @cached_property
     def h(self) -> ca.SX:
@@ -41,8 +39,8 @@ def in_sight(composed: ComposedSet, i: int, radius: float | None) -> ComposedSet
     """Return the set that agent i sees; all for no radius."""
     if radius is None:
         return composed
-    given = {f.name: getattr(composed, f.name) for f in fields(composed)}
-    return SetInSight(**given, i=i, radius=radius)
+    values = {f.name: getattr(composed, f.name) for f in fields(composed)}
+    return SetInSight(**values, i=i, radius=radius)
 
 
 class EvaluatedTerms(NamedTuple):
@@ -76,17 +74,16 @@ class TermsFunction:
             EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
         composed = chain.set
-        self._parts = composed.parts
         symbolic = [
             member.dynamics.input_polytope(composed.x[part])
             for member, part in zip(composed.members, composed.parts, strict=True)
         ]
         constant = [constant_polytope(A, b) for A, b in symbolic]
-        self._varying = [l for l, known in enumerate(constant) if known is None]
-        self._polytopes = {l: known for l, known in enumerate(constant) if known is not None}
+        self._varying = [l for l, fixed in enumerate(constant) if fixed is None]
+        self._polytopes = {l: fixed for l, fixed in enumerate(constant) if fixed is not None}
         values = [
-            ca.DM(known.corners) @ row.T if known else ca.SX.zeros(1)
-            for known, row in zip(constant, chain.actuation, strict=True)
+            ca.DM(fixed.corners) @ row.T if fixed else ca.SX.zeros(1)
+            for fixed, row in zip(constant, chain.actuation, strict=True)
         ]
         outputs = [
             ca.vertcat(*chain.psi),
@@ -100,43 +97,22 @@ class TermsFunction:
         settled = [composed.substitute(o) for o in outputs]
         self._evaluate = CompiledFunction([composed.x], settled)
 
-    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> EvaluatedTerms:
-        """Evaluate at a stacked state x, shape (n̄,), of which only the members seen are known."""
-        psi, (unforced, margin), least, most, *rest = self._evaluate(
-            with_unseen_far(x, self._parts, seen)
-        )
+    def __call__(self, x: Array) -> EvaluatedTerms:
+        """Evaluate at a stacked state x, shape (n̄,)."""
+        psi, (unforced, margin), least, most, *rest = self._evaluate(x)
         n = len(least)
         c, positions, varying = rest[:n], rest[n : 2 * n], rest[2 * n :]
         polytopes = dict(self._polytopes)
         for l, A, b in zip(self._varying, varying[::2], varying[1::2], strict=True):
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             least[l], most[l] = extremes(c[l], polytopes[l].corners)
-        known = range(n) if seen is None else seen
         return EvaluatedTerms(
             psi=psi,
             unforced=float(unforced),
-            c={l: c[l] for l in known},
-            least={l: float(least[l]) for l in known},
-            most={l: float(most[l]) for l in known},
+            c=dict(enumerate(c)),
+            least=dict(enumerate(least.tolist())),
+            most=dict(enumerate(most.tolist())),
             polytopes=polytopes,
-            positions={l: positions[l] for l in known},
+            positions=dict(enumerate(positions)),
             margin=float(margin),
         )
-
-
-def with_unseen_far(x: Array, parts: Sequence[slice], seen: Sequence[int] | None) -> Array:
-    """The stacked state x, shape (n̄,), with every member that is not seen too far away to count.
-
-    Args:
-        x: NaN where it is not known.
-        parts: where each member's state lies in x.
-        seen: the members that are seen; None for all.
-    """
-    if seen is None or len(seen) == len(parts):
-        return x
-    far, known = x.copy(), set(seen)
-    for l, part in enumerate(parts):
-        if l not in known:
-            # Each in a place of its own: two in one place are at no distance that has a gradient.
-            far[part] = _FAR * (1 + l)
-    return far

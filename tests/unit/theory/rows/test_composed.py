@@ -36,8 +36,8 @@ def swarm_terms(name: str) -> SwarmTerms:
 def reference(name: str, i: int | None) -> TermsFunction:
     """Terms of all pairs, or of those within agent i's neighbourhood."""
     composed = sample_swarm(name)
-    seen = composed if i is None else in_sight(composed, i, REACH)
-    return TermsFunction(build_chain(seen, ALPHAS[: DEGREES[name]], XI), ETA)
+    in_reach = composed if i is None else in_sight(composed, i, REACH)
+    return TermsFunction(build_chain(in_reach, ALPHAS[: DEGREES[name]], XI), ETA)
 
 
 @cache
@@ -47,29 +47,28 @@ def composed_terms(name: str, i: int, radius: float | None) -> ComposedTerms:
 
 def numbers(terms: Terms) -> np.ndarray:
     """All that terms say, one number after the other."""
-    found = [terms.psi, [terms.unforced, terms.margin]]
+    fields = [terms.psi, [terms.unforced, terms.margin]]
     for by_member in (terms.c, terms.least, terms.most, terms.positions):
-        found += [by_member[l] for l in sorted(by_member)]
+        fields += [by_member[l] for l in sorted(by_member)]
     for l in sorted(terms.c):
-        found += [terms.polytopes[l].A, terms.polytopes[l].b]
-    return np.concatenate([np.ravel(part) for part in found])
+        fields += [terms.polytopes[l].A, terms.polytopes[l].b]
+    return np.concatenate([np.ravel(field) for field in fields])
 
 
-def largest_difference(found: np.ndarray, expected: np.ndarray) -> float:
+def largest_difference(values: np.ndarray, expected: np.ndarray) -> float:
     """Relative to the numbers, or to 1."""
-    return float((np.abs(found - expected) / np.maximum(1.0, np.abs(expected))).max())
+    return float((np.abs(values - expected) / np.maximum(1.0, np.abs(expected))).max())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
 def test_terms_of_all_pairs_are_those_of_the_whole_chain(name):
-    """Compare at 10 200 states in all, from agents in one place to agents far apart."""
+    """Compare at many states, from agents in one place to agents far apart."""
     composed, rng = sample_swarm(name), np.random.default_rng(7)
-    found, expected = composed_terms(name, 0, None), reference(name, None)
-    apart = np.geomspace(0.1, 30.0, 1700)
-    states = apart[:, None] * rng.uniform(-1.0, 1.0, (len(apart), composed.x.numel()))
-    both = np.array([[numbers(found(x)), numbers(expected(x))] for x in states])
-    assert largest_difference(both[:, 0], both[:, 1]) < 1e-12
+    terms, expected = composed_terms(name, 0, None), reference(name, None)
+    distances = np.geomspace(0.1, 30.0, 400)
+    for x in distances[:, None] * rng.uniform(-1.0, 1.0, (400, composed.x.numel())):
+        assert largest_difference(numbers(terms(x)), numbers(expected(x))) < 1e-12
 
 
 @pytest.mark.slow
@@ -80,24 +79,21 @@ def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
     composed = sample_swarm(name)
     x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
     expected = reference(name, 0)(x)
-    seen = [
-        l
-        for l, p in expected.positions.items()
-        if l == 0 or float(np.linalg.norm(p - expected.positions[0])) <= REACH
-    ]
-    known = np.full_like(x, np.nan)
-    for l in seen:
-        known[composed.parts[l]] = x[composed.parts[l]]
-    found = composed_terms(name, 0, REACH)(known, seen)
-    assert sorted(found.c) == sorted(found.least) == sorted(found.most) == seen
-    if found.psi[0] == FAR:
+    distances = {
+        l: np.linalg.norm(p - expected.positions[0]) for l, p in expected.positions.items()
+    }
+    in_reach = [l for l, distance in distances.items() if l == 0 or distance <= REACH]
+    x_of_these = np.full_like(x, np.nan)
+    for l in in_reach:
+        x_of_these[composed.parts[l]] = x[composed.parts[l]]
+    terms = composed_terms(name, 0, REACH)(x_of_these, in_reach)
+    assert sorted(terms.c) == sorted(terms.least) == sorted(terms.most) == in_reach
+    if terms.psi[0] == FAR:
         assert expected.psi[0] == pytest.approx(FAR)
-        assert not any(c.any() for c in found.c.values())
+        assert not any(c.any() for c in terms.c.values())
     else:
-        known = expected._replace(
-            **{part: {l: getattr(expected, part)[l] for l in seen} for part in PARTS}
-        )
-        assert largest_difference(numbers(found), numbers(known)) < 1e-12
+        parts = {part: {l: getattr(expected, part)[l] for l in in_reach} for part in PARTS}
+        assert largest_difference(numbers(terms), numbers(expected._replace(**parts))) < 1e-12
 
 
 @pytest.mark.parametrize("name", DEGREES)
@@ -119,18 +115,15 @@ def test_terms_do_not_depend_on_what_was_asked_before(name):
     members = len(composed.members)
     random = np.random.default_rng(4)
     states = random.uniform(-3.0, 3.0, (12, composed.x.numel()))
-    kept = composed_terms(name, 0, REACH)
+    terms_at = composed_terms(name, 0, REACH)
     for x in states:
-        seen = tuple(l for l in range(members) if l == 0 or random.random() < 0.5)
-        found, fresh = (
-            kept(x, seen),
-            swarm_terms(name).of(0, REACH, ETA)(x, seen),
-        )
-        assert found.psi.tobytes() == fresh.psi.tobytes()
-        assert found.unforced == fresh.unforced
-        for l in seen:
-            assert found.c[l].tobytes() == fresh.c[l].tobytes()
-            assert found.least[l] == fresh.least[l]
+        visible = tuple(l for l in range(members) if l == 0 or random.random() < 0.5)
+        terms, fresh = terms_at(x, visible), swarm_terms(name).of(0, REACH, ETA)(x, visible)
+        for part in ("psi", "unforced"):
+            assert np.array_equal(getattr(terms, part), getattr(fresh, part))
+        for l in visible:
+            assert terms.c[l].tobytes() == fresh.c[l].tobytes()
+            assert terms.least[l] == fresh.least[l]
 
 
 def test_extremes_at_many_states_are_those_of_the_polytope_at_each():
@@ -141,8 +134,8 @@ def test_extremes_at_many_states_are_those_of_the_polytope_at_each():
     members = swarm_terms("users' own").members
     assert len(members.known) == len(composed.members) - 1
     for l, part in enumerate(composed.parts):
-        c = np.array([each.c[l] for each in terms])
-        expected = np.array([[each.least[l], each.most[l]] for each in terms])
+        c = np.array([at_state.c[l] for at_state in terms])
+        expected = np.array([[at_state.least[l], at_state.most[l]] for at_state in terms])
         assert members.extremes(l, states[:, part], c) == pytest.approx(expected, rel=1e-12)
 
 
