@@ -513,6 +513,15 @@ def test_a_box_in_parts_holds_all_of_a_motion_and_all_of_its_rates():
         assert (rate <= found.rates.hi.ravel()).all()
 
 
+def test_a_box_in_parts_holds_what_a_disturbance_moves_in_all_of_them():
+    """At rest, with φ at its bound all the time, it is 1 m away at the end."""
+    motion = GroupMotion(scenario(SINGLE, [[0.0, 0.0]], bound=1.0, obstacles=FAR).agents[0], 0.0)
+    rest = np.zeros((2, 1))
+    box = motion.moved(rest, point(rest), np.ones(1), (4,)).box
+    assert (box.lo <= -1.0).all()
+    assert (box.hi >= 1.0).all()
+
+
 def own_dynamics(name: str, **fields: object) -> dict[str, object]:
     return {"type": f"certify_own:{name}", "speed": 1.0, "dimension": 2, **fields}
 
@@ -713,13 +722,19 @@ def test_the_command_says_what_is_certified(unicycles, tmp_path, capsys):
     assert "100.00%" in capsys.readouterr().out
     assert status(["certify", str(tmp_path)]) == 3
     assert "no such recording" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("rest", "shown"), [(0.5, "first not covered"), (1.0, "alone")])
+def test_what_is_cut_short_is_not_certified_even_where_one_byte_is_missing(
+    unicycles, tmp_path, capsys, rest, shown
+):
     damaged = tmp_path / "damaged.mcap"
     whole = (unicycles.folder / "recording.mcap").read_bytes()
-    damaged.write_bytes(whole[: len(whole) // 2])
+    damaged.write_bytes(whole[: int(rest * (len(whole) - 1))])
     assert status(["certify", str(damaged)]) == 1
     printed = capsys.readouterr()
     assert "cut short" in printed.err
-    assert "first not covered" in printed.out
+    assert shown in printed.out
 
 
 def test_what_is_not_decided_is_said_to_be_so_with_a_status_of_its_own(tmp_path, capsys):

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from phalanx_agent.controller import DistributedController
 from phalanx_agent.step import ControlStep
 
 from phalanx.messages.kinds import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
@@ -46,6 +47,20 @@ def hear(step: ControlStep, k: int) -> None:
     for j in step.swarm.heard_by(step.i):
         name = step.swarm.names[j]
         step.accept_broadcast(name, Broadcast(k=k, t_apply=PERIOD * k, u=(1.0, 0.0)))
+
+
+@pytest.mark.parametrize("composition", ["lse", "pairs"])
+@pytest.mark.parametrize(("u", "counts"), [((1.0, 0.0), True), ((0.0, 1e6), False)])
+def test_an_input_that_no_actuator_of_its_sender_takes_does_not_count(composition, u, counts):
+    """It would be credited with more than the best that the sender can do."""
+    changes = f"safety.composition={composition}", "safety.information=paper"
+    controller = DistributedController(rows_of_scenario("unicycles", *changes), 0)
+    x, everybody = rows_of_scenario("unicycles", *changes).swarm.start(), tuple(range(5))
+    result, alone = (
+        controller(x, everybody, 0.01, received) for received in ({1: Claim(0.01, u)}, {})
+    )
+    assert (1 in result.used) == counts
+    assert counts or (result.decision.u == alone.decision.u).all()
 
 
 @pytest.mark.parametrize("k", [0, 1, 37])

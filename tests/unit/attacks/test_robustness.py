@@ -41,6 +41,16 @@ def test_an_evaluation_has_the_verdict_and_the_hash_of_its_run():
     assert found.least == pytest.approx(-violation.worst / scale)
 
 
+def test_a_violation_between_two_recorded_states_makes_it_negative():
+    """The adversary passes right through the other between two samples, which see it far away."""
+    clocks = {f"agents.{group}.clock.period": 1.0 for group in (0, 1)}
+    passes = one_on_one([0.0, -3.0], **clocks, **{"agents.1.dynamics.speed": 6.0})
+    evaluation = evaluate(passes)
+    assert max(h.max() for h in build_swarm(passes).h_of_pairs(evaluation.recording.x).values()) < 0
+    assert evaluation.summary.outcome == "violated"
+    assert evaluation.least < 0.0
+
+
 @pytest.mark.slow
 def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
     scales = scales_of(build_swarm(one_on_one([0.0, -4.0])))

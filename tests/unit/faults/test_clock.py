@@ -50,6 +50,14 @@ def test_a_step_forward_has_a_sample_come_sooner_but_not_before_it():
     assert clock.faults == {0: 1}
 
 
+def test_a_clock_that_is_set_far_ahead_samples_no_sooner_than_its_last_input_takes_effect():
+    """Else that input would be lost, or overtake the next one."""
+    swarm = build_swarm(load("unicycles"))
+    fault = {"kind": "clock", "at": 0.001, "agents": ["1"], "step": -0.5}
+    occurrences = build_swarm(load("unicycles", {"faults": [fault]})).links.occurrences
+    assert AgentClock(swarm.clock(0), 0.004, occurrences).after(0, 0.0) == np.nextafter(0.004, 1.0)
+
+
 def test_a_skew_ends_with_its_time_as_far_as_samples_can_come_sooner():
     clock, times = ticks(skew=0.004, **{"for": OVER - AT})
     n, m = int((RIGHT <= AT).sum()), int((times <= OVER).sum())

@@ -83,6 +83,30 @@ def test_quiet_pairs_are_looked_at_again_while_their_proof_lasts_as_long_as_an_i
         assert (found is not None) == looked
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("later", "is_looked_at"), [(6.9, False), (7.1, True)])
+def test_a_pair_is_proven_no_longer_because_another_pair_is_looked_at(later, is_looked_at):
+    """Agent 4 is near agent 1 all the time; agent 5 comes near while its pair is still proven."""
+    rows = build_rows(build_swarm(load("guaranteed")))
+    parts, x, tau = rows.swarm.safe_set.parts, rows.swarm.start(), rows.swarm.horizon(0)
+
+    def near_agent_1(x: np.ndarray, l: int, side: float) -> np.ndarray:
+        x = x.copy()
+        x[parts[l].start : parts[l].start + 2] = x[parts[0].start : parts[0].start + 2]
+        x[parts[l].start] += 1.2 * side
+        return x
+
+    proofs, seen = ProvenFilter(rows, 0, rows.filter(0)).proofs, tuple(range(5))
+    four = near_agent_1(x, 3, 1.0)
+    first = proofs.near(FilterInput(0.0, four, seen, None, np.zeros(2), {}))
+    assert first is not None
+    assert proofs.others[first.pairs].tolist() == [3]
+    both = near_agent_1(four, 4, -1.0)
+    second = proofs.near(FilterInput(later * tau, both, seen, None, np.zeros(2), {}))
+    assert second is not None
+    assert (4 in proofs.others[second.pairs]) == is_looked_at
+
+
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_with_proofs_a_hijack_leaves_the_remaining_pairs_guaranteed():

@@ -13,8 +13,11 @@ import pytest
 import phalanx
 from phalanx import Command, CommandPolicy, Outcome, SteppedRun
 from phalanx.launcher import simulation
+from phalanx.launcher.simulation import DirectAgents
+from phalanx.messages.kinds import Broadcast
 from phalanx.recording.records import State
 from phalanx.recording.write import RecordingWriter
+from tests.unit.swarms import rows_of_scenario
 
 SOON = {"duration": 0.2, "network.loss": 0.3, "network.delay": 0.004}
 
@@ -43,6 +46,17 @@ def test_stepped_or_in_strides_it_has_the_bits_of_a_run():
     assert a.summary.trajectory == b.summary.trajectory == in_one_go(stepped)
     assert times == [t for t in a.states["t"].to_list() if t < 0.2]
     assert a.summary.wall_time > 0.0
+
+
+def test_an_agent_that_starts_anew_has_received_nothing_yet():
+    agents = DirectAgents(rows_of_scenario("unicycles"), lambda _: None)
+    agents.steps[2].inbox.put(1, Broadcast(k=0, t_apply=0.0, u=(1.0, 0.0)))
+    agents.steps[2].inbox.advance({1: (0, 0)}, 0.01)
+    assert agents.steps[2].inbox.received
+    other = agents.steps[0]
+    agents.restart(2, 0.02)
+    assert not agents.steps[2].inbox.received
+    assert agents.steps[0] is other
 
 
 @pytest.mark.slow

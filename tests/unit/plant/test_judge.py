@@ -185,6 +185,14 @@ def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
 
 
 @pytest.mark.slow
+def test_an_agent_that_takes_the_longest_certified_input_had_none_that_keeps_its_rows():
+    proving = ("safety.composition=pairs", "safety.information=split", "safety.prove=true")
+    judge = judge_of(*proving)
+    apply(judge, 0, origin=Origin.LONGEST)
+    assert counted(judge, "non-empty K_i") == (1, 1, 0.0)
+
+
+@pytest.mark.slow
 def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     judge = judge_of()
     phi = np.zeros(15)

@@ -132,6 +132,33 @@ def test_a_point_whose_rate_is_known_needs_no_more_seeds(tmp_path):
     assert 20 < len(executor.jobs) < 60
 
 
+class LateFirst(Here):
+    """Executes its first job after all others that it is given meanwhile."""
+
+    def submit(self, fn: Any, /, *args: Any, **_: Any) -> "Future[Any]":
+        future = super().submit(fn, *args)
+        if len(self.jobs) == 1:
+            self._first, future = future, Future()
+            self.late = future
+        return future
+
+    def progress(self, _: object) -> None:
+        """Complete the first job once no other waits: called before each wait, and at the end."""
+        if self._jobs_before == len(self.jobs) and not self.late.done():
+            self.late.set_result(self._first.result())
+        self._jobs_before = len(self.jobs)
+
+    _jobs_before = 0
+
+
+@pytest.mark.slow
+def test_runs_behind_one_that_is_missing_do_not_end_a_point(tmp_path):
+    """Count no rate of the quick ones alone, which is biased."""
+    executor, plan = LateFirst(), {**PLAN, "seeds": "0:16", "until_width": 0.5}
+    run(tmp_path, executor, plan, chunk=1, in_flight=2, progress=executor.progress)
+    assert len(executor.jobs) == 16
+
+
 @pytest.mark.slow
 def test_a_seed_without_room_for_its_starts_is_refused_alone(tmp_path):
     crowded = {"flows.apart": 6.8, "duration": 0.02}
