@@ -239,7 +239,7 @@ class ControlStep:
         fates = self.inbox.advance(
             self._clock.counted(self.inbox, accepted.existing),
             sample.t,
-            lambda sender: self.swarm.apart(x, self.i, sender),
+            lambda sender: self.swarm.distance(x, self.i, sender),
         )
         for sender, message in self.inbox.corrupt:
             sent = Broadcast(k=message.k, t_apply=message.t_apply, u=message.u)

@@ -38,7 +38,7 @@ def nearest(swarm: Swarm) -> tuple[float, str]:
     x = swarm.start()
     adversaries = [j for j, member in enumerate(swarm.members) if member.adversary]
     each: Iterable[tuple[float, str]] = (
-        (swarm.apart(x, i, j), f"{swarm.names[i]} and {swarm.names[j]}")
+        (swarm.distance(x, i, j), f"{swarm.names[i]} and {swarm.names[j]}")
         for i in swarm.normal
         for j in adversaries
     )

@@ -42,7 +42,7 @@ class Draws:
         self._keys = [(first, _key(given, purpose)) for first, given in ((0, seed), *later)]
         """First rows, each with the key of the generator from there on."""
         self._width = width
-        self._drawn: tuple[int, Array] = -1, np.empty((0, width))
+        self._block: tuple[int, Array] = -1, np.empty((0, width))
         """Number and rows of the block that was generated last."""
         # Named tuples of two kinds are equal if their numbers are.
         self._latest = lru_cache(maxsize=8, typed=True)(self._latest_in)
@@ -55,28 +55,28 @@ class Draws:
 
     def value(self, index: int, column: int = 0) -> float:
         """Return one draw of row `index` >= 0."""
-        drawn, rows = self._drawn
-        if drawn != index // _BLOCK:
+        number, rows = self._block
+        if number != index // _BLOCK:
             rows = self._rows(index // _BLOCK)
         return rows.item(index % _BLOCK, column)
 
     def last(self, index: int, holds: Condition) -> int:
         """Return the last row up to `index` for which a condition holds; 0 if there is none."""
         block, row = divmod(index, _BLOCK)
-        found = self._latest(block, holds)[row]
-        while found < 0 and block:
+        latest = self._latest(block, holds)[row]
+        while latest < 0 and block:
             block -= 1
-            found = self._latest(block, holds)[-1]
-        return block * _BLOCK + max(found, 0)
+            latest = self._latest(block, holds)[-1]
+        return block * _BLOCK + max(latest, 0)
 
     def _rows(self, block: int) -> Array:
-        drawn, rows = self._drawn
-        if drawn != block:
+        number, rows = self._block
+        if number != block:
             rows = self._generated(block, self._keys[0][1])
             for first, key in self._keys[1:]:
                 begin = max(first - block * _BLOCK, 0)
                 rows[begin:] = self._generated(block, key)[begin:]
-            self._drawn = block, rows
+            self._block = block, rows
         return rows
 
     def _generated(self, block: int, key: int) -> Array:
@@ -107,8 +107,8 @@ class Seeds:
 
     def at(self, t: float) -> int:
         """Return the seed in force at t [s]."""
-        place = bisect_right(self.later, t, key=_AT)
-        return self.later[place - 1][1] if place else self.first
+        count = bisect_right(self.later, t, key=_AT)
+        return self.later[count - 1][1] if count else self.first
 
 
 class Tables(dict[str, Draws]):
@@ -123,9 +123,9 @@ class Tables(dict[str, Draws]):
     def __missing__(self, purpose: str) -> Draws:
         """Make the table of one purpose, as far as it is decided."""
         name = (*self._purpose, purpose) if purpose else self._purpose
-        made = Draws(self._seeds.first, *name, width=self._width, later=self._later)
-        self[purpose] = made
-        return made
+        draws = Draws(self._seeds.first, *name, width=self._width, later=self._later)
+        self[purpose] = draws
+        return draws
 
     def __call__(self) -> Draws:
         """Return the table of the purpose that all have in common."""

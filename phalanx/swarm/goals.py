@@ -20,17 +20,17 @@ from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay, Wayp
 from phalanx.theory.models.dynamics import Dynamics
 
 
-def reference_of(scenario: Scenario, i: int, group: AgentGroup, place: int) -> Reference:
-    """Build a new reference of agent i, which is at a place of its group.
+def reference_of(scenario: Scenario, i: int, group: AgentGroup, number: int) -> Reference:
+    """Build a new reference of agent i, the `number`-th of its group.
 
     It is the agent's own goal, its formation slot, its place in the flows, or to stay.
     """
     if group.goal:
-        return group.goal[place].reference()
+        return group.goal[number].reference()
     if group.slots and scenario.formation:
-        return Slot(scenario.formation, group.slots[place])
+        return Slot(scenario.formation, group.slots[number])
     if scenario.flows:
-        return Flow(scenario.flows, i, np.array(group.start[place][: group.axes]))
+        return Flow(scenario.flows, i, np.array(group.start[number][: group.axes]))
     return Stay()
 
 

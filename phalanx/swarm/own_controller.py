@@ -42,7 +42,7 @@ class OwnController:
         view: View,
         u_nom: Array,
         x: Array,
-        seen: tuple[int, ...],
+        in_sight: tuple[int, ...],
         t: float,
         received: Mapping[int, ReceivedInput],
     ) -> tuple[Decision, dict[str, float]]:
@@ -56,7 +56,7 @@ class OwnController:
             ArithmeticError: the projection fails.
         """
         inputs, notes = view.terms.polytopes[view.i], dict[str, float]()
-        known = ControllerView(
+        controller_view = ControllerView(
             t,
             view.i,
             view.x,
@@ -66,12 +66,12 @@ class OwnController:
             {l: Received(np.array(h.u), t - h.t_apply) for l, h in received.items()},
             inputs,
             view.terms,
-            lambda: self._pairs(x, seen),
+            lambda: self._pairs(x, in_sight),
             lambda u: self._projected(u, inputs),
-            lambda u: self._certified(x, u, seen),
+            lambda u: self._certified(x, u, in_sight),
             notes,
         )
-        u = self._input(known)
+        u = self._input(controller_view)
         if inputs.takes(u):
             return Decision(u, Origin.CONTROLLER, None), notes
         return Decision(self._projected(u, inputs), Origin.PROJECTED, None), notes

@@ -149,7 +149,7 @@ class SafetyRows:
 
         def compiled() -> PairRowFunction:
             pair = self.own_pair(i, other, plain)
-            eta = ca.SX(0) if margin is None else margin.of(pair.chain, pair.own, part)
+            eta = ca.SX(0) if margin is None else margin.of(pair.chain, pair.side, part)
             return PairRowFunction(pair, part, eta, symbols)
 
         return swarm.shared(key, compiled)

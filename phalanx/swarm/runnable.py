@@ -85,13 +85,13 @@ def _evaluate_start(rows: SafetyRows) -> None:
                     dynamics.travel(start, _AHEAD, 0.0)
         require_h(swarm, x, "at the start")
         # Not all agents: in a large swarm no agent evaluates so many at once.
-        seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
+        in_sight = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
         if swarm.safety.pairwise:
-            rows.seen_by(i).pair_terms(i)(x, seen)
+            rows.seen_by(i).pair_terms(i)(x, in_sight)
             for l in set(first) & set(swarm.normal):
                 require_margin(rows, l, x, swarm.seen(l, x), " at the start")
         else:
-            terms = rows.seen_by(i).terms(i)(x, seen)
+            terms = rows.seen_by(i).terms(i)(x, in_sight)
             terms.psi, terms.margin  # noqa: B018
         states = dict(enumerate(x[part] for part in swarm.safe_set.parts))
         for l in range(len(swarm.members)):
@@ -126,17 +126,17 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """Compute agent i's first input by a new law and controller, since they may have a state."""
     rows = rows.seen_by(i)
     view, u_nom = first_nominal(rows, i, x)
-    own = own_controller(rows, i, lambda *_: 0.0)
-    if own is not None:
-        own(view, u_nom, x, tuple(view.x), 0.0, {})
+    controller = own_controller(rows, i, lambda *_: 0.0)
+    if controller is not None:
+        controller(view, u_nom, x, tuple(view.x), 0.0, {})
 
 
 def first_nominal(rows: SafetyRows, i: int, x: Array) -> tuple[View, Array]:
     """Return what agent i's law sees at x(0), and the input that a new law makes of it."""
-    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
-    states = {l: x[swarm.safe_set.parts[l]] for l in seen}
+    swarm, in_sight = rows.swarm, rows.swarm.seen(i, x)
+    states = {l: x[swarm.safe_set.parts[l]] for l in in_sight}
     normal = [l for l in swarm.normal if l in states]
-    terms, goal = rows.terms(i)(x, seen), swarm.goal(i)(0.0, states)
+    terms, goal = rows.terms(i)(x, in_sight), swarm.goal(i)(0.0, states)
     view = View(i, states, normal, goal, terms, 0.0)
     return view, CheckedInput(swarm.law(i), swarm.members[i])(view)
 
@@ -172,20 +172,20 @@ def _evaluate_rows(rows: SafetyRows, i: int) -> None:
     """Evaluate agent i's rows with 0, 1, 2, ... others in sight: each number allocates memory."""
     swarm, x = rows.swarm, rows.swarm.start()
     terms = rows.terms(i)
-    own = rows.pair_terms(i) if swarm.safety.pairwise and i in swarm.normal else None
+    pair_terms = rows.pair_terms(i) if swarm.safety.pairwise and i in swarm.normal else None
     others = [l for l in range(len(swarm.members)) if l != i]
     limited, most = swarm.sensing(i) is not None, min(len(others), _MOST_IN_SIGHT)
     for count in range(most + 1) if limited else (len(others),):
-        seen = sorted((i, *others[:count]))
-        if own is not None:
-            own(x, seen, swarm.sharing)
+        in_sight = sorted((i, *others[:count]))
+        if pair_terms is not None:
+            pair_terms(x, in_sight, swarm.sharing)
         elif not swarm.safety.pairwise:
-            found = terms(x, seen)
-            found.psi, found.margin  # noqa: B018
+            values = terms(x, in_sight)
+            values.psi, values.margin  # noqa: B018
 
 
 def mistake_at(
-    rows: SafetyRows, i: int, x: Array, seen: Sequence[int]
+    rows: SafetyRows, i: int, x: Array, in_sight: Sequence[int]
 ) -> MistakenMethodError | None:
     """Return the mistake in an expression that agent i needs at the stacked state x, shape (n̄,).
 
@@ -193,13 +193,13 @@ def mistake_at(
     """
     swarm = rows.swarm
     try:
-        for l in seen:
+        for l in in_sight:
             require_dynamics(swarm.members[l].dynamics, [x[swarm.safe_set.parts[l]]])
         for number, pair in enumerate(swarm.safe_set.pairs):
-            if i in pair and {l for l in pair if l < len(swarm.members)} <= set(seen):
+            if i in pair and {l for l in pair if l < len(swarm.members)} <= set(in_sight):
                 _require_chain(rows, number, x)
         if i in swarm.normal:
-            require_margin(rows, i, x, seen)
+            require_margin(rows, i, x, in_sight)
     except MistakenMethodError as mistake:
         return mistake
     return None
@@ -264,14 +264,14 @@ def _require_chain(rows: SafetyRows, number: int, x: Array) -> None:
     pair = composed.pairs[number]
     values = ca.vertcat(*chain.psi, *chain.drift.nz, *[ca.vec(g) for g in chain.actuation])
     state = np.concatenate([x[composed.parts[l]] for l in pair if l < len(composed.members)])
-    found = np.array(ca.Function("f", [chain.set.x], [ca.densify(values)])(state)).ravel()
-    if not np.isfinite(found).all():
-        got = "an h without finite derivatives" if np.isfinite(found[0]) else f"{found[0]:g}"
+    numbers = np.array(ca.Function("f", [chain.set.x], [ca.densify(values)])(state)).ravel()
+    if not np.isfinite(numbers).all():
+        got = "an h without finite derivatives" if np.isfinite(numbers[0]) else f"{numbers[0]:g}"
         raise _infinite(rows.swarm, pair, "a finite h of {}, and finite derivatives", got)
 
 
 def require_margin(
-    rows: SafetyRows, i: int, x: Array, seen: Sequence[int], where: str = ""
+    rows: SafetyRows, i: int, x: Array, in_sight: Sequence[int], where: str = ""
 ) -> None:
     """A user's, of normal agent i's rows with those seen. Raises MistakenMethodError.
 
@@ -280,7 +280,7 @@ def require_margin(
     swarm, margin = rows.swarm, rows.swarm.safety.margin_kind
     if is_built_in(margin):
         return
-    terms = rows.pair_terms(i)(x, seen, swarm.sharing)
+    terms = rows.pair_terms(i)(x, in_sight, swarm.sharing)
     for k in np.flatnonzero(~np.isfinite(terms.margin))[:1]:
         other = terms.others[k]
         beside = "an obstacle or a limit" if other is None else swarm.names[other]

@@ -136,7 +136,7 @@ class Swarm:
 
     @cached_property
     def group_numbers(self) -> tuple[int, ...]:
-        """The place of every agent's group in the scenario."""
+        """The index of every agent's group in the scenario."""
         return tuple(g for g, group in enumerate(self.scenario.agents) for _ in group.names)
 
     @cached_property
@@ -145,7 +145,7 @@ class Swarm:
         members: dict[int, list[int]] = {}
         for l, number in enumerate(self.group_numbers):
             members.setdefault(number, []).append(l)
-        return tuple((each[0], each[-1]) for each in members.values())
+        return tuple((agents[0], agents[-1]) for agents in members.values())
 
     def sensing(self, i: int) -> float | None:
         """Return agent i's sensing radius [m]; None if it has no limit."""
@@ -179,8 +179,8 @@ class Swarm:
         if radius is None:
             return tuple(range(len(self.members)))
         points = self.positions(x)
-        apart = points - points[i]
-        return tuple(np.flatnonzero(dot(apart, apart) <= radius * radius).tolist())
+        offsets = points - points[i]
+        return tuple(np.flatnonzero(dot(offsets, offsets) <= radius * radius).tolist())
 
     def positions(self, x: Array) -> Array:
         """Return the output positions [m] at the stacked state x, shape (N, 2) or (N, 3)."""
@@ -194,7 +194,7 @@ class Swarm:
 
         return self.shared(("positions",), compiled)
 
-    def apart(self, x: Array, i: int, j: int) -> float:
+    def distance(self, x: Array, i: int, j: int) -> float:
         """Return the distance of the output points of agents i and j at the stacked state x [m]."""
         own, other = (self._outputs[self.names[l]](x[self.safe_set.parts[l]]) for l in (i, j))
         steps = zip(own.position.tolist(), other.position.tolist(), strict=True)
@@ -203,8 +203,8 @@ class Swarm:
     def without_normal(self, turned: Collection[int]) -> Mask:
         """Return the pairs without a normal agent once these agents turned adversary, (p,)."""
         normal = np.isin(np.arange(self.pairs.every.max() + 1), [*set(self.normal) - {*turned}])
-        found: Mask = np.logical_not(normal[self.pairs.every].any(axis=1))
-        return found
+        without: Mask = np.logical_not(normal[self.pairs.every].any(axis=1))
+        return without
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """Return the agents whose broadcasts agent i uses when it sees them."""
@@ -285,7 +285,7 @@ class Swarm:
     def goal(self, i: int) -> AgentGoal:
         """Build agent i's goal; it may keep state, so that each controller has one of its own."""
         group = self.groups[i]
-        reference = reference_of(self.scenario, i, group, self._place(i))
+        reference = reference_of(self.scenario, i, group, self._number_in_group(i))
         return AgentGoal(self.names[i], group.axes, reference, self._outputs)
 
     def has_goal(self, i: int) -> bool:
@@ -321,7 +321,7 @@ class Swarm:
         group = self.groups[i]
         x = np.zeros(len(self.members[i].dynamics.states))
         if group.start:
-            x[:] = group.start[self._place(i)]
+            x[:] = group.start[self._number_in_group(i)]
         else:
             goal = self.goal(i)(0.0, {i: x})
             x[: len(goal.position)] = goal.position
@@ -330,8 +330,8 @@ class Swarm:
             x += np.array(group.spread) * (2.0 * draw - 1.0)
         return x
 
-    def _place(self, i: int) -> int:
-        """Return agent i's place in its group."""
+    def _number_in_group(self, i: int) -> int:
+        """Return the index of agent i in its group."""
         return self.groups[i].names.index(self.names[i])
 
 
@@ -341,7 +341,7 @@ def compiled_fields(scenario: Scenario) -> str:
     Not those of starts, laws, messages, faults and seeds, nor the numbers of spheres.
     """
     spheres = [k for k, each in enumerate(scenario.obstacles) if isinstance(each, Sphere)]
-    drawn: dict[str, Any] = {
+    agent_fields: dict[str, Any] = {
         "start": True,
         "spread": True,
         "law": True,
@@ -350,7 +350,7 @@ def compiled_fields(scenario: Scenario) -> str:
     free: dict[str, Any] = {
         **dict.fromkeys(("name", "description", "reading", "attack"), True),
         **dict.fromkeys(("duration", "seed", "reseed", "network", "faults"), True),
-        "agents": {"__all__": drawn},
+        "agents": {"__all__": agent_fields},
         "obstacles": {k: {"center", "clearance"} for k in spheres},
     }
     return scenario.model_dump_json(exclude=free)
@@ -387,8 +387,8 @@ def unit_of_psi(scenario: Scenario, k: int = 0) -> str:
     """
     limits = [limit.boundary.limit for limit in scenario.limits]
     functions = [scenario.safety.safe_set_function, *limits]
-    found = {getattr(function, "unit", "") for function in functions}
-    of_h = str(found.pop()) if len(found) == 1 else ""
+    units = {getattr(function, "unit", "") for function in functions}
+    of_h = str(units.pop()) if len(units) == 1 else ""
     if not of_h or k == 0:
         return of_h
     return f"{of_h}/s{'' if k == 1 else str(k).translate(_SUPERSCRIPT)}"

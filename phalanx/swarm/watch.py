@@ -44,16 +44,16 @@ class Watch:
         """Return the convictions at a sample x, shape (n̄,), at t [s], with what arrived since."""
         for l, message in delivered:
             self._claims[l][message.k] = message
-        in_sight = self._checks.keys() & set(seen)
-        for l in sorted(in_sight):
+        watched = self._checks.keys() & set(seen)
+        for l in sorted(watched):
             state = x[self._parts[l]].copy()
             if l in self._last:
                 self._windows[l].append(_Seen(self._last[l][0], t, self._last[l][1], state))
             self._last[l] = t, state
-        for l in self._last.keys() - in_sight:
+        for l in self._last.keys() - watched:
             del self._last[l]
-        found = [self._check(l) for l in sorted(self._checks)]
-        return [conviction for conviction in found if conviction is not None]
+        convictions = [self._check(l) for l in sorted(self._checks)]
+        return [conviction for conviction in convictions if conviction is not None]
 
     def _check(self, l: int) -> Conviction | None:
         """Check agent l's windows whose broadcasts have all come."""

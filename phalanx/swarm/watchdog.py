@@ -52,13 +52,13 @@ class Watchdog(Generic[K, T]):
         self._thread.join()
 
     def _watch(self) -> None:
-        seen: dict[K, tuple[T | None, int]] = {}
+        items: dict[K, tuple[T | None, int]] = {}
         while not self._over.wait(self._pause):
-            before, seen = seen, {}
+            before, items = items, {}
             for key, item in self._waiting().items():
                 last, polls = before.get(key, (None, 0))
                 polls = polls + 1 if item is last else 0
-                seen[key] = item, polls
+                items[key] = item, polls
                 if polls and polls % _POLLS == 0:
                     self._stalled(key, item, polls > _POLLS)
 

@@ -124,7 +124,7 @@ MUTANTS = (
     Mutant("a world's robots anywhere", "phalanx/cli/run.py",
            'getattr(resolved.fresh_world(), "router", None)', "None",
            "tests/unit/cli/test_refused.py -k router"),
-    Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py", "not known.all()", "False",
+    Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py", "not finite.all()", "False",
            "tests/unit/theory/rows/test_decide_pairs.py"),
     Mutant("keys for all", "phalanx/hosts/authority.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/hosts/test_authority.py"),

@@ -80,16 +80,16 @@ class LyapunovBarrierQP:
         still = np.zeros(len(a))
         if view.inputs.takes(still) and (both.bound >= 0.0).all():
             return still
-        found = self._qp.solve(np.append(still, 0.0), _with_slack(view.inputs), both)
-        return least_violation(view.inputs, rows) if found is None else found[:-1]
+        solution = self._qp.solve(np.append(still, 0.0), _with_slack(view.inputs), both)
+        return least_violation(view.inputs, rows) if solution is None else solution[:-1]
 
     def _lyapunov_row(self, view: ControllerView) -> tuple[Array, float]:
         """The row a u - δ <= bound of V."""
-        *known, gain = self._output(view.x[view.i])
+        *derivatives, gain = self._output(view.x[view.i])
         r, axes = self._degree, len(view.goal.position)
-        wanted = np.zeros((r + 1, axes))
-        wanted[: len(view.goal)] = view.goal[: r + 1]
-        error = np.array(known).reshape(r + 1, axes) - wanted
+        reference = np.zeros((r + 1, axes))
+        reference[: len(view.goal)] = view.goal[: r + 1]
+        error = np.array(derivatives).reshape(r + 1, axes) - reference
         s, drift = dot(error[:r].T, self._shares), dot(error[1:].T, self._shares)
         a = dot(gain.reshape(axes, -1).T, s)
         return a, -float(dot(s, drift)) - 0.5 * self.rate * float(dot(s, s))

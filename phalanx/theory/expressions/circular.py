@@ -135,8 +135,8 @@ def atan(x: Expression) -> Expression:
         # Sums of corners would round: take the last one reached.
         high = ca.if_else(reached, here, high if below else 0.0)
         low = ca.if_else(reached, rest, low if below else rest_below)
-    found = high - ((t * (polynomial(_ATAN, t * t) * (t * t)) - low) - t)
-    return ca.if_else(x < 0.0, -found, found)
+    angle = high - ((t * (polynomial(_ATAN, t * t) * (t * t)) - low) - t)
+    return ca.if_else(x < 0.0, -angle, angle)
 
 
 def atan2(y: Expression, x: Expression) -> Expression:
@@ -159,8 +159,8 @@ def asin(x: Expression) -> Expression:
     ratio = _asin_ratio(z)
     p = 2.0 * s * ratio - (_QUARTER[1] - 2.0 * tail)
     outer = 0.5 * _QUARTER[0] - (p - (0.5 * _QUARTER[0] - 2.0 * head))
-    found = ca.if_else(size < 0.5, inner, outer)
-    return ca.if_else(x < 0.0, -found, found)
+    angle = ca.if_else(size < 0.5, inner, outer)
+    return ca.if_else(x < 0.0, -angle, angle)
 
 
 def acos(x: Expression) -> Expression:
@@ -169,9 +169,9 @@ def acos(x: Expression) -> Expression:
     inner = _QUARTER[0] - (x - (_QUARTER[1] - x * _asin_ratio(x * x)))
     z, s, head, tail = _half_angle(size)
     ratio = _asin_ratio(z)
-    right = 2.0 * (head + (ratio * s + tail))
-    left = 2.0 * (_QUARTER[0] - (s + (ratio * s - _QUARTER[1])))
-    return ca.if_else(size < 0.5, inner, ca.if_else(x < 0.0, left, right))
+    positive = 2.0 * (head + (ratio * s + tail))
+    negative = 2.0 * (_QUARTER[0] - (s + (ratio * s - _QUARTER[1])))
+    return ca.if_else(size < 0.5, inner, ca.if_else(x < 0.0, negative, positive))
 
 
 def _asin_ratio(z: Expression) -> Expression:

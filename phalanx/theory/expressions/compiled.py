@@ -36,14 +36,14 @@ class _BoundRows:
     def __init__(self, function: ca.Function, count: int) -> None:
         """function: of one column, with one column as result."""
         self.call: Callable[[], object]
-        if found := native(function):
-            self.given = np.zeros(count * function.numel_in(0))
+        if compiled := native(function):
+            self.arguments = np.zeros(count * function.numel_in(0))
             self.results = np.zeros(count * function.numel_out(0))
-            places = address(self.given), address(self.results)
-            self.call = partial(found.rows, *places, ctypes.c_longlong(count))
+            addresses = address(self.arguments), address(self.results)
+            self.call = partial(compiled.rows, *addresses, ctypes.c_longlong(count))
         else:
             self._bound = BoundFunction(function.map(count) if count > 1 else function)
-            (self.given,), (self.results,) = self._bound.inputs, self._bound.outputs
+            (self.arguments,), (self.results,) = self._bound.inputs, self._bound.outputs
             self.call = self._bound.call
 
 
@@ -73,7 +73,8 @@ class CompiledFunction:
         self._bound = _BoundRows(portable_function([ca.vertcat(*inputs)], flat), 1)
         last = np.cumsum([i.numel() for i in inputs]).tolist()
         self._inputs = [
-            self._bound.given[end - i.numel() : end] for i, end in zip(inputs, last, strict=True)
+            self._bound.arguments[end - i.numel() : end]
+            for i, end in zip(inputs, last, strict=True)
         ]
         ends = np.cumsum([o.numel() for o in outputs])
         self._outputs = [
@@ -110,21 +111,21 @@ class MappedFunction:
         self._views: dict[int, _View] = {}
         """By number of rows."""
 
-    def __call__(self, values: Array, places: Index) -> Array:
-        """Evaluate at the rows values[..., places]; the results are a new array.
+    def __call__(self, values: Array, indices: Index) -> Array:
+        """Evaluate at the rows values[..., indices]; the results are a new array.
 
         Args:
             values: shape (v,), or (s, v) for several states at once.
-            places: shape (r, inputs).
+            indices: shape (r, inputs).
 
         Returns:
             shape (r, outputs), or (s, r, outputs).
         """
-        count = len(places)
+        count = len(indices)
         if values.ndim == 1:
-            given, call, results = self._views.get(count) or self._view(count)
+            arguments, call, results = self._views.get(count) or self._view(count)
             # In any other mode `take` would write to a copy first.
-            values.take(places, out=given, mode="clip")
+            values.take(indices, out=arguments, mode="clip")
             call()
             return results.copy()
         states = len(values)
@@ -132,57 +133,57 @@ class MappedFunction:
         if rows > _MOST_ROWS and states > 1:
             at_once = max(_MOST_ROWS // count, 1)
             blocks = [values[k : k + at_once] for k in range(0, states, at_once)]
-            return np.concatenate([self(block, places) for block in blocks])
-        given, call, results = self._views.get(rows) or self._view(rows)
+            return np.concatenate([self(block, indices) for block in blocks])
+        arguments, call, results = self._views.get(rows) or self._view(rows)
         values.take(
-            places, axis=-1, out=given.reshape(*values.shape[:-1], *places.shape), mode="clip"
+            indices, axis=-1, out=arguments.reshape(*values.shape[:-1], *indices.shape), mode="clip"
         )
         call()
         return results.copy().reshape(*values.shape[:-1], count, self.results)
 
     def rows(self, rows: Array) -> Array:
         """Evaluate at rows of inputs, shape (r, inputs); the results are a new array."""
-        given, call, results = self._views.get(len(rows)) or self._view(len(rows))
-        given[:] = rows
+        arguments, call, results = self._views.get(len(rows)) or self._view(len(rows))
+        arguments[:] = rows
         call()
         return results.copy()
 
-    def at(self, places: Index) -> "MappedRows":
-        """Fix the places, shape (r, inputs), for many calls without copies."""
-        return MappedRows(places, self._view(len(places)))
+    def at(self, indices: Index) -> "MappedRows":
+        """Fix the indices, shape (r, inputs), for many calls without copies."""
+        return MappedRows(indices, self._view(len(indices)))
 
     @cached_property
     def text(self) -> str:
         """Serialized form: equal for equal functions only."""
-        found: str = self._function.serialize()
-        return found
+        text: str = self._function.serialize()
+        return text
 
     def mapped(self, count: int) -> ca.Function:
         """The CasADi function of `count` rows, one for each column; it may have no derivatives."""
-        found = native(self._function)
-        return (found.function if found else self._function).map(count)
+        compiled = native(self._function)
+        return (compiled.function if compiled else self._function).map(count)
 
     def _view(self, count: int) -> _View:
         capacity = rounded_up(count)
         if capacity not in self._bound:
             self._bound[capacity] = _BoundRows(self._function, capacity)
         bound = self._bound[capacity]
-        found = self._views[count] = (
-            bound.given[: count * self.inputs].reshape(count, self.inputs),
+        view = self._views[count] = (
+            bound.arguments[: count * self.inputs].reshape(count, self.inputs),
             bound.call,
             bound.results[: count * self.results].reshape(count, self.results),
         )
-        return found
+        return view
 
 
 class MappedRows:
     """Rows of a MappedFunction that are evaluated again and again, without copies."""
 
-    def __init__(self, places: Index, view: _View) -> None:
-        self._places, (self._given, self._call, self.results) = places, view
+    def __init__(self, indices: Index, view: _View) -> None:
+        self._indices, (self._arguments, self._call, self.results) = indices, view
         """Results of the last call, shape (r, outputs); the next call overwrites them."""
 
     def __call__(self, values: Array) -> None:
-        """Evaluate at values[places]; values has shape (v,)."""
-        values.take(self._places, out=self._given, mode="clip")
+        """Evaluate at values[indices]; values has shape (v,)."""
+        values.take(self._indices, out=self._arguments, mode="clip")
         self._call()

@@ -67,6 +67,6 @@ def solve(A: Array, b: Array) -> tuple[Array, Array]:
             factors = rows[:, c + 1 :, c] / chosen[:, None, c]
             rows[:, c + 1 :] -= factors[..., None] * chosen[:, None]
         for c in reversed(range(m)):
-            known = dot(rows[:, c, c + 1 : m], x[:, c + 1 :])
-            x[:, c] = (rows[:, c, m] - known) / rows[:, c, c]
+            sums = dot(rows[:, c, c + 1 : m], x[:, c + 1 :])
+            x[:, c] = (rows[:, c, m] - sums) / rows[:, c, c]
     return x, determinant

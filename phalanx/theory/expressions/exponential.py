@@ -67,8 +67,8 @@ def log(x: Expression) -> Expression:
     s = f / (2.0 + f)
     z = s * s
     half = 0.5 * f * f
-    found = s * (half + polynomial(_LOG, z) * z) + k * _LN2_LOW - half + f + k * _LN2_HIGH
-    return ca.if_else(_positive(x), found, ca.log(x))
+    value = s * (half + polynomial(_LOG, z) * z) + k * _LN2_LOW - half + f + k * _LN2_HIGH
+    return ca.if_else(_positive(x), value, ca.log(x))
 
 
 def power(x: Expression, y: Expression) -> Expression:
@@ -148,8 +148,8 @@ def hypot(x: Expression, y: Expression) -> Expression:
     x, y = ca.fabs(x), ca.fabs(y)
     large, small = ca.fmax(x, y), ca.fmin(x, y)
     ratio = ca.if_else(small < large, small / large, 1.0)
-    kept = x + y  # NaN if one of them is
-    return ca.if_else(kept < ca.inf, large * ca.sqrt(1.0 + ratio * ratio), kept)
+    total = x + y  # NaN if one of them is
+    return ca.if_else(total < ca.inf, large * ca.sqrt(1.0 + ratio * ratio), total)
 
 
 def split(x: Expression) -> tuple[Expression, Expression]:
@@ -191,9 +191,9 @@ def _log_in_two(x: Expression) -> tuple[Expression, Expression]:
     d = f + 2.0
     s = f / d
     product = s * d
-    left = ((f - product) - _product_error(s, d, product)) - s * (f - (d - 2.0))
+    remainder = ((f - product) - _product_error(s, d, product)) - s * (f - (d - 2.0))
     z = s * s
-    small = 2.0 * (left / d) + s * (polynomial(_LOG, z) * z) + k * _LN2_LOW
+    small = 2.0 * (remainder / d) + s * (polynomial(_LOG, z) * z) + k * _LN2_LOW
     large, twice = k * _LN2_HIGH, s + s
     total = large + twice
     small = (twice - (total - large)) + small
@@ -207,11 +207,11 @@ def _is_short(y: float) -> bool:
 
 def _short_power(x: Expression, y: float) -> Expression:
     """x^y by repeated multiplication, and a square root if y is not an integer."""
-    result, base, left = None, x, int(abs(y))
-    while left:
-        if left % 2:
+    result, base, bits = None, x, int(abs(y))
+    while bits:
+        if bits % 2:
             result = base if result is None else result * base
-        base, left = base * base, left // 2
+        base, bits = base * base, bits // 2
     if not y.is_integer():
         result = ca.sqrt(x) if result is None else result * ca.sqrt(x)
     result = x**0 if result is None else result

@@ -31,9 +31,10 @@ def extend(
     bounds = extension.of(expressions, symbols, box)
     if not (factors := extension.factors()):
         return bounds
-    known = rules.finite(factors)
+    bounded = rules.finite(factors)
     return [
-        Interval(ca.if_else(known, a.lo, -ca.inf), ca.if_else(known, a.hi, ca.inf)) for a in bounds
+        Interval(ca.if_else(bounded, a.lo, -ca.inf), ca.if_else(bounded, a.hi, ca.inf))
+        for a in bounds
     ]
 
 
@@ -49,10 +50,10 @@ def continuous(
     """
     extension = _Extension()
     extension.of(expressions, symbols, box)
-    kept = rules.finite(extension.factors())
+    smooth = rules.finite(extension.factors())
     for condition in extension.conditions:
-        kept = ca.logic_and(kept, condition)
-    return kept
+        smooth = ca.logic_and(smooth, condition)
+    return smooth
 
 
 class _Bounds(NamedTuple):
@@ -79,17 +80,17 @@ class _Extension:
     ) -> list[Interval]:
         """Bounds of the expressions; valid if all `factors` are finite."""
         f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
-        given = [self._given(interval) for interval in box]
-        results = evaluate(f, [given], lambda c: self._given(point(c)), self._step)
+        inputs = [self._bounds_of(interval) for interval in box]
+        results = evaluate(f, [inputs], lambda c: self._bounds_of(point(c)), self._step)
         return [bounds.interval for bounds in results]
 
     def factors(self) -> list[Interval]:
         """The intervals that must be finite for all products to be right."""
         return [self._watched[k] for k in sorted(self._needed)]
 
-    def _given(self, interval: Interval) -> _Bounds:
-        known = all(end.is_constant() and math.isfinite(float(end)) for end in interval)
-        return _Bounds(interval, frozenset() if known else self._watch(interval))
+    def _bounds_of(self, interval: Interval) -> _Bounds:
+        constant = all(end.is_constant() and math.isfinite(float(end)) for end in interval)
+        return _Bounds(interval, frozenset() if constant else self._watch(interval))
 
     def _watch(self, interval: Interval) -> frozenset[int]:
         self._watched.append(interval)
@@ -104,14 +105,14 @@ class _Extension:
         intervals = [a.interval for a in arguments]
         if operation.continuous is not None:
             self.conditions.append(operation.continuous(*intervals))
-        found = operation.rule(*intervals)
+        bounds = operation.rule(*intervals)
         depends = frozenset[int]().union(*[a.depends for a in arguments])
         by_a_number = op == ca.OP_MUL and any(map(rules.is_number, intervals))
         if operation.selects and not by_a_number:
             self._needed |= depends
         if operation.unbounded:
-            depends = self._watch(found)
-        return _Bounds(found, frozenset() if operation.bounded else depends)
+            depends = self._watch(bounds)
+        return _Bounds(bounds, frozenset() if operation.bounded else depends)
 
     def _reciprocal(self, a: _Bounds) -> _Bounds:
         """1/a, built once for all quotients with this divisor."""

@@ -81,9 +81,9 @@ def _not_below_zero(a: Interval) -> Interval:
 
 def add(a: Interval, b: Interval) -> Interval:
     """a + b."""
-    found = Interval(_plus(a.lo, b.lo), _plus(a.hi, b.hi))
+    total = Interval(_plus(a.lo, b.lo), _plus(a.hi, b.hi))
     # Sums too small for a normal number are exact.
-    return found if _is_zero(a) or _is_zero(b) else _rounded(found, least=0.0)
+    return total if _is_zero(a) or _is_zero(b) else _rounded(total, least=0.0)
 
 
 def negate(a: Interval) -> Interval:
@@ -97,8 +97,8 @@ def multiply(a: Interval, b: Interval) -> Interval:
         if is_number(factor):
             ends = _times(factor.lo, other.lo), _times(factor.lo, other.hi)
             number = float(factor.lo)
-            found = Interval(*ends) if number >= 0.0 else Interval(*reversed(ends))
-            return found if number in (-1.0, 0.0, 1.0) else _rounded(found)
+            product = Interval(*ends) if number >= 0.0 else Interval(*reversed(ends))
+            return product if number in (-1.0, 0.0, 1.0) else _rounded(product)
     return _product(a, b)
 
 
@@ -168,9 +168,9 @@ def square(a: Interval) -> Interval:
 @_written_once
 def reciprocal(a: Interval) -> Interval:
     """1/a; unbounded if a contains zero."""
-    apart = without_zero(a)
+    defined = without_zero(a)
     found = _rounded(Interval(1 / a.hi, 1 / a.lo))
-    return Interval(ca.if_else(apart, found.lo, -ca.inf), ca.if_else(apart, found.hi, ca.inf))
+    return Interval(ca.if_else(defined, found.lo, -ca.inf), ca.if_else(defined, found.hi, ca.inf))
 
 
 @_written_once
@@ -331,9 +331,9 @@ def if_else_zero(condition: Interval, value: Interval) -> Interval:
 def angle(y: Interval, x: Interval) -> Interval:
     """atan2, extreme at the box's corners; all angles if the box meets the branch cut."""
     corners = ca.vertcat(*[ca.atan2(b, a) for b in y for a in x])
-    apart = avoids_branch_cut(y, x)
-    low = ca.if_else(apart, ca.mmin(corners), -math.pi)
-    high = ca.if_else(apart, ca.mmax(corners), math.pi)
+    defined = avoids_branch_cut(y, x)
+    low = ca.if_else(defined, ca.mmin(corners), -math.pi)
+    high = ca.if_else(defined, ca.mmax(corners), math.pi)
     return _rounded(Interval(low, high), _LIBRARY)
 
 

@@ -68,12 +68,12 @@ class Native:
 
     def _compare(self) -> None:
         """Raise ValueError unless the bits are the interpreter's; the sign of a NaN is free."""
-        given = _states(self._interpreted.numel_in(0))
-        expected = np.array(self._interpreted(given.T)).T
-        found = np.empty(expected.shape)
-        self.rows(address(given), address(found), ctypes.c_longlong(len(given)))
-        same = (found == expected) & (np.signbit(found) == np.signbit(expected))
-        if not (same | (np.isnan(found) & np.isnan(expected))).all():
+        states = _states(self._interpreted.numel_in(0))
+        expected = np.array(self._interpreted(states.T)).T
+        results = np.empty(expected.shape)
+        self.rows(address(states), address(results), ctypes.c_longlong(len(states)))
+        same = (results == expected) & (np.signbit(results) == np.signbit(expected))
+        if not (same | (np.isnan(results) & np.isnan(expected))).all():
             raise ValueError(f"{self._library.name} computes other bits")
 
 
@@ -173,8 +173,8 @@ def _states(length: int) -> Array:
     k = np.arange(1, _COMPARED * length + 1)
     even = k * 0.6180339887498949 % 1.0  # multiples of the golden ratio spread evenly
     sizes = 4.0 ** (k * 0.7548776662466927 % 1.0 * 8.0 // 1.0 - 5.0)
-    found: Array = ((2.0 * even - 1.0) * sizes).reshape(_COMPARED, length)
-    return found
+    numbers: Array = ((2.0 * even - 1.0) * sizes).reshape(_COMPARED, length)
+    return numbers
 
 
 @cache
@@ -189,11 +189,11 @@ def _folder() -> Path | None:
     identity = " ".join((*compiler, *_OPTIONS, _identity(compiler), version("casadi"), _ROWS))
     folder = root / hashlib.sha256(identity.encode()).hexdigest()[:16]
     try:
-        found = folder.stat()
+        status = folder.stat()
     except OSError:
         return folder
     # A library that another user may write would run with our rights.
-    if found.st_uid != os.getuid() or found.st_mode & 0o022:
+    if status.st_uid != os.getuid() or status.st_mode & 0o022:
         log.warning("%s is not used: other users may write to it", folder)
         return None
     return folder
@@ -217,8 +217,8 @@ def _identity(compiler: tuple[str, ...]) -> str:
     if len(compiler) > 1:
         return version("ziglang")
     program = os.path.realpath(compiler[0])
-    found = os.stat(program)
-    return f"{program} {found.st_size} {found.st_mtime_ns} {platform.machine()}"
+    status = os.stat(program)
+    return f"{program} {status.st_size} {status.st_mtime_ns} {platform.machine()}"
 
 
 def _source(function: ca.Function) -> str:
@@ -230,11 +230,11 @@ def _source(function: ca.Function) -> str:
 
 def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
     """Compile one library. Processes that do so at once each replace it by the same."""
-    with whole_file(library) as made:
-        file = made.with_name("f.c")
+    with whole_file(library) as target:
+        file = target.with_name("f.c")
         file.write_text(source)
         done = subprocess.run(
-            [*compiler, *_OPTIONS, str(file), "-o", str(made), "-lm"],
+            [*compiler, *_OPTIONS, str(file), "-o", str(target), "-lm"],
             capture_output=True,
             text=True,
             check=False,

@@ -136,22 +136,22 @@ def factor_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> 
         others: further symbols of the expression, shape (k,).
         expression: of any shape, which the rest has too.
     """
-    found: list[list[_Value]] = [[] for _ in arguments]
+    factored: list[list[_Value]] = [[] for _ in arguments]
 
     def step(op: int, values: Sequence[_Value]) -> _Value:
         depends = frozenset[int]().union(*[v.arguments for v in values])
         whole, rest = (_applied(op, side) for side in zip(*[v[:2] for v in values], strict=True))
-        own = min(depends, default=0)
-        if op not in DEAR or depends != {own} or own >= len(arguments):
+        argument = min(depends, default=0)
+        if op not in DEAR or depends != {argument} or argument >= len(arguments):
             return _Value(whole, rest, depends)
-        found[own].append(_Value(whole, ca.SX.sym("once"), depends))
-        return found[own][-1]
+        factored[argument].append(_Value(whole, ca.SX.sym("once"), depends))
+        return factored[argument][-1]
 
     every = [*arguments, others]
     inputs = [[_Value(x, x, frozenset([k])) for x in ca.vertsplit(v)] for k, v in enumerate(every)]
     function = ca.Function("f", every, [ca.densify(expression)], {"cse": True})
     results = evaluate(function, inputs, lambda c: _Value(ca.SX(c), ca.SX(c), frozenset()), step)
-    parts = [ca.vertcat(*[value.whole for value in own]) for own in found]
-    symbols = [ca.vertcat(*[value.rest for value in own]) for own in found]
+    parts = [ca.vertcat(*[value.whole for value in own]) for own in factored]
+    symbols = [ca.vertcat(*[value.rest for value in own]) for own in factored]
     rest = ca.vertcat(*[value.rest for value in results])
     return Factored(parts, symbols, ca.reshape(rest, *expression.shape))

@@ -35,8 +35,8 @@ class MistakenMethodError(ValueError):
         """error: the method's exception, if it raised one."""
         self.expected = f"{type(of).__name__}.{method}: expected {expected}"
         """The first half of the message: method and expected result."""
-        place = _place(of, method, error)
-        self.got = f"{got} ({place})" if place else got
+        location = _location(of, method, error)
+        self.got = f"{got} ({location})" if location else got
 
     def __str__(self) -> str:
         return f"{self.expected}, got {self.got}"
@@ -103,16 +103,16 @@ def error_line(error: BaseException) -> str:
 
 def first_numbers(value: NDArray[Any]) -> str:
     """The first six numbers of an array as text."""
-    shown = ", ".join(f"{number:.4g}" for number in value.ravel()[:6])
-    return f"({shown}{', ...' if value.size > 6 else ''})"
+    numbers = ", ".join(f"{number:.4g}" for number in value.ravel()[:6])
+    return f"({numbers}{', ...' if value.size > 6 else ''})"
 
 
 def located_method(of: object, method: str) -> str:
     """Class, name, file and line of a method."""
-    return f"{type(of).__name__}.{method} ({_place(of, method, None)})"
+    return f"{type(of).__name__}.{method} ({_location(of, method, None)})"
 
 
-def _place(of: object, method: str, error: BaseException | None) -> str:
+def _location(of: object, method: str, error: BaseException | None) -> str:
     """File and line of a method, or of its error; empty if there is no such method."""
     function = getattr(type(of), method, None)
     code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
@@ -122,7 +122,7 @@ def _place(of: object, method: str, error: BaseException | None) -> str:
     for frame, raised in traceback.walk_tb(error.__traceback__ if error else None):
         if frame.f_code.co_filename == code.co_filename:
             line = raised
-    return f"{_shown(code.co_filename)}, line {line}"
+    return f"{_relative_path(code.co_filename)}, line {line}"
 
 
 def located_class(cls: type) -> str:
@@ -131,10 +131,10 @@ def located_class(cls: type) -> str:
         file, line = inspect.getsourcefile(cls), inspect.getsourcelines(cls)[1]
     except (OSError, TypeError):
         return cls.__name__
-    return f"{cls.__name__} ({_shown(file or '')}, line {line})"
+    return f"{cls.__name__} ({_relative_path(file or '')}, line {line})"
 
 
-def _shown(file: str) -> Path:
+def _relative_path(file: str) -> Path:
     """A file's path, relative to the working directory if it lies there."""
     with contextlib.suppress(ValueError, OSError):
         return Path(file).relative_to(Path.cwd())
@@ -157,22 +157,22 @@ def require_expression(
     """
     expected = " or ".join(map(_described, shapes))
     try:
-        found = ca.SX(value)
+        expression = ca.SX(value)
     except Exception as error:  # CasADi raises several types
         got = "None" if value is None else f"a {type(value).__name__} that is no expression"
         raise MistakenMethodError(of, method, expected, got) from error
-    if found.shape not in [(*shape, 1, 1)[:2] for shape in shapes]:
-        got = _described(found.shape if found.shape[1] != 1 else found.shape[:1])
+    if expression.shape not in [(*shape, 1, 1)[:2] for shape in shapes]:
+        got = _described(expression.shape if expression.shape[1] != 1 else expression.shape[:1])
         raise MistakenMethodError(of, method, expected, got)
-    known = {symbol.element_hash() for part in symbols for symbol in ca.symvar(part)}
-    for symbol in ca.symvar(found):
-        if symbol.element_hash() not in known:
+    hashes = {symbol.element_hash() for part in symbols for symbol in ca.symvar(part)}
+    for symbol in ca.symvar(expression):
+        if symbol.element_hash() not in hashes:
             expected = "an expression of its arguments alone"
             raise MistakenMethodError(of, method, expected, f"one of {symbol} too")
-    if _has_nan(found):
+    if _has_nan(expression):
         expected = f"{expected} made with casadi's functions"
         raise MistakenMethodError(of, method, expected, "nan: functions of math take numbers alone")
-    return found
+    return expression
 
 
 def declare_scalar(kind: type, method: str, symbols: Callable[..., Sequence[ca.SX]]) -> None:

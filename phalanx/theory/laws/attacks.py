@@ -96,9 +96,9 @@ class Chase:
         (u,) = self._stay(x) if target is None else self._pursue[target](x, view.x[target])
         return u if self._team is None else self._team.guarded(view.x, u)
 
-    def _towards(self, wanted: Sequence[ca.SX], *symbols: ca.SX) -> CompiledFunction:
+    def _towards(self, reference: Sequence[ca.SX], *symbols: ca.SX) -> CompiledFunction:
         """Compile the input for p^d and its derivatives, expressions of the state and symbols."""
-        u = self._chain.input_for(self._chain.pull(self.gains, wanted))
+        u = self._chain.input_for(self._chain.pull(self.gains, reference))
         return CompiledFunction([self._chain.x, *symbols], [u])
 
     def _towards_each(self, targets: Sequence[Dynamics]) -> list[CompiledFunction]:
@@ -132,8 +132,8 @@ class _Team:
         # All agents of the team, and other runs, have the same functions.
         kinds = [o if not isinstance(o, Sphere) else len(o.center) for o in around]
         dynamics, make = [m.dynamics for m in team], partial(_terms_of, guard, team, around)
-        known = kept_for([guard, *dynamics], ("team", repr(kinds)), make)
-        swarm = known.with_pairs(known.pairs.with_obstacles(around))
+        terms = kept_for([guard, *dynamics], ("team", repr(kinds)), make)
+        swarm = terms.with_pairs(terms.pairs.with_obstacles(around))
         self._terms = swarm.of(self._self, None, guard.eta)
         self._states = swarm.members.states
         self._unseen = np.full(self._states[-1].stop, np.nan)
@@ -143,11 +143,11 @@ class _Team:
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
         stacked = self._unseen.copy()
-        seen = [place for place, j in enumerate(self._team) if j in x]
-        for place in seen:
-            stacked[self._states[place]] = x[self._team[place]]
-        terms = self._terms(stacked, seen)
-        row = split_row(terms, self._self, seen)
+        in_sight = [index for index, j in enumerate(self._team) if j in x]
+        for index in in_sight:
+            stacked[self._states[index]] = x[self._team[index]]
+        terms = self._terms(stacked, in_sight)
+        row = split_row(terms, self._self, in_sight)
         return decide(terms, self._self, row, u_nom, self._qp).u
 
 
@@ -216,17 +216,17 @@ class WorstLookahead:
             first_corner: Array = corners[0]
             return first_corner
         first, then = np.repeat(corners, len(later), axis=0), np.tile(later, (len(corners), 1))
-        own = self._motions[view.i](view.x[view.i], first, then)
-        closest = [self._closest(view, l, own) for l in targets]
+        own_paths = self._motions[view.i](view.x[view.i], first, then)
+        closest = [self._closest(view, l, own_paths) for l in targets]
         best: Array = corners[int(np.argmin(np.min(closest, axis=0))) // len(later)]
         return best
 
-    def _closest(self, view: View, l: int, own: Array) -> Array:
+    def _closest(self, view: View, l: int, own_paths: Array) -> Array:
         """Distance that target l can keep from each of one's own paths [m]."""
         _, held = _choices(view, l)
         paths = self._motions[l](view.x[l], held, held)
-        apart = own[:, None] - paths
-        squares: Array = dot(apart, apart).min(axis=2).max(axis=1)
+        offsets = own_paths[:, None] - paths
+        squares: Array = dot(offsets, offsets).min(axis=2).max(axis=1)
         return squares
 
 
@@ -293,16 +293,16 @@ class Script:
         """Take the inputs for a dynamics. Raises ValueError if one is not in its U."""
         size, x = len(dynamics.inputs), ca.SX.sym("x", len(dynamics.states))
         names = ", ".join(dynamics.inputs)
-        known = constant_polytope(*dynamics.input_polytope(x))
+        polytope = constant_polytope(*dynamics.input_polytope(x))
         self._inputs = [np.array(u, dtype=np.float64) for u in self.inputs]
-        for place, u in enumerate(self._inputs):
+        for k, u in enumerate(self._inputs):
             if len(u) != size:
-                raise ValueError(f"inputs.{place}: expected {size} numbers ({names}), got {len(u)}")
+                raise ValueError(f"inputs.{k}: expected {size} numbers ({names}), got {len(u)}")
             # Where U depends on the state, an input outside is projected onto it.
-            if known is not None and not known.takes(u):
+            if polytope is not None and not polytope.takes(u):
                 raise ValueError(
-                    f"inputs.{place}: expected ({names}) within U, {_extent(known.corners)}, "
-                    f"got {list(self.inputs[place])}"
+                    f"inputs.{k}: expected ({names}) within U, {_extent(polytope.corners)}, "
+                    f"got {list(self.inputs[k])}"
                 )
 
     def input(self, view: View) -> Array:

@@ -139,8 +139,8 @@ class Waypoints:
             raise ValueError(f"expected a time for each of the {len(self.points)} points")
         if any(later <= earlier for earlier, later in pairwise(self.times)):
             raise ValueError("expected times that increase")
-        self._places = np.array(self.points)
-        self._timed = Polyline(self._places, self.times) if self.times else None
+        self._points = np.array(self.points)
+        self._timed = Polyline(self._points, self.times) if self.times else None
         self.reached = 0
         """How many points were reached, and so the index of the next one."""
 
@@ -149,7 +149,7 @@ class Waypoints:
         return len(self.points[0])
 
     def end(self) -> Array | None:
-        last: Array = self._places[-1]
+        last: Array = self._points[-1]
         return last
 
     def goal(self, sight: Sight) -> Goal:
@@ -157,11 +157,11 @@ class Waypoints:
             return self._timed.at(sight.t)
         assert self.tolerance is not None
         here = sight.position
-        while self.reached < len(self._places) - 1:
-            if float(length(self._places[self.reached] - here)) > self.tolerance:
+        while self.reached < len(self._points) - 1:
+            if float(length(self._points[self.reached] - here)) > self.tolerance:
                 break
             self.reached += 1
-        return hold(self._places[self.reached])
+        return hold(self._points[self.reached])
 
 
 @dataclass(frozen=True)

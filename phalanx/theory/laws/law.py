@@ -92,8 +92,8 @@ class CheckedInput:
         # The usual case, decided in a fraction of a microsecond.
         usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == (self._size,)
         if usual and sum(map(abs, u.tolist())) <= LARGEST:
-            found: Array = u
-            return found
+            array: Array = u
+            return array
         if not isinstance(u, np.ndarray):
             got = repr(u)
         elif u.shape != (self._size,) or u.dtype.kind not in "fi":

@@ -38,21 +38,21 @@ class OutputChain(NamedTuple):
         """q of the output."""
         return len(self.derivatives) - 1
 
-    def input_for(self, wanted: ca.SX) -> ca.SX:
-        """u with G u = wanted, shape (m,); drift is not compensated, as in Simulation 2.
+    def input_for(self, command: ca.SX) -> ca.SX:
+        """u with G u = command, shape (m,); drift is not compensated, as in Simulation 2.
 
         Where G depends on the state it may be singular (a bicycle at standstill). A damped inverse
         then gives a large input, which is later projected onto U.
         """
         G = ca.densify(self.decoupling)
         if G.is_constant() and G.shape[0] == G.shape[1]:
-            return ca.solve(G, wanted)
-        return G.T @ ca.solve(G @ G.T + _DAMPING * ca.SX.eye(G.shape[0]), wanted)
+            return ca.solve(G, command)
+        return G.T @ ca.solve(G @ G.T + _DAMPING * ca.SX.eye(G.shape[0]), command)
 
-    def pull(self, gains: Sequence[float], wanted: Sequence[ca.SX]) -> ca.SX:
-        """K (x^d - x), shape (d,); wanted: p^d and its derivatives, 0 beyond the last."""
+    def pull(self, gains: Sequence[float], reference: Sequence[ca.SX]) -> ca.SX:
+        """K (x^d - x), shape (d,); reference: p^d and its derivatives, 0 beyond the last."""
         rest = [ca.SX.zeros(*self.derivatives[0].shape)] * self.degree
-        errors = zip(gains, [*wanted, *rest], self.derivatives, strict=False)
+        errors = zip(gains, [*reference, *rest], self.derivatives, strict=False)
         total = ca.SX.zeros(*self.derivatives[0].shape)
         for gain, there, here in errors:
             total += gain * (there - here)
@@ -170,10 +170,10 @@ class Track:
         chain = tracked_chain(dynamics, self.gains)
         q, axes = chain.degree, chain.derivatives[0].numel()
         goal = [ca.SX.sym(name, axes) for name in ("p", "v", "a")]
-        wanted = chain.pull(self.gains, goal)
+        command = chain.pull(self.gains, goal)
         if q < len(goal):
-            wanted += goal[q]
-        self._input = CompiledFunction([chain.x, *goal], [chain.input_for(wanted)])
+            command += goal[q]
+        self._input = CompiledFunction([chain.x, *goal], [chain.input_for(command)])
 
     def input(self, view: View) -> Array:
         goal = view.goal

@@ -84,8 +84,8 @@ def enclose(
     starts = [point(component) for component in ca.vertsplit(x)]
 
     # The margins of rows, rounded to nearest, do not use the bound with drag.
-    own = ca.diag(ca.jacobian(rate, x)) if rounds_outwards() else ca.SX.zeros(x.numel())
-    slowed = [k for k in range(x.numel()) if not own[k].is_zero()]
+    drag = ca.diag(ca.jacobian(rate, x)) if rounds_outwards() else ca.SX.zeros(x.numel())
+    slowed = [k for k in range(x.numel()) if not drag[k].is_zero()]
 
     # One round as a CasADi function, which is expanded faster than Python code.
     ends = [Interval(*ca.vertsplit(ca.SX.sym("end", 2))) for _ in starts]
@@ -94,12 +94,14 @@ def enclose(
     reached = moved(x, rates, horizon)
     for k in slowed:
         reached[k] = intersection(reached[k], _slowed(k, x, rate, symbols, moving, horizon))
-    given = [x, u, ca.vertcat(*ca.symvar(ca.SX(horizon)))]
-    one_round = ca.Function("round", [*given, *_sides(ends)], [*_sides(reached), *_sides(rates)])
+    arguments = [x, u, ca.vertcat(*ca.symvar(ca.SX(horizon)))]
+    one_round = ca.Function(
+        "round", [*arguments, *_sides(ends)], [*_sides(reached), *_sides(rates)]
+    )
 
     def after(box: Sequence[Interval]) -> tuple[list[Interval], list[Interval]]:
         """States reached by the horizon if the state stays in the box, and the rates in it."""
-        low, high, least, most = map(ca.vertsplit, one_round.call([*given, *_sides(box)]))
+        low, high, least, most = map(ca.vertsplit, one_round.call([*arguments, *_sides(box)]))
         return list(map(Interval, low, high)), list(map(Interval, least, most))
 
     box = starts
@@ -124,13 +126,13 @@ def enclose_all(
 ) -> list[Enclosure]:
     """Enclose the motions of all members; arguments and errors as enclose has them.
 
-    held: the place of a member that holds one input; the others apply any of U.
+    held: the index of a member that holds one input; the others apply any of U.
     """
-    found = []
+    enclosures = []
     for l, member in enumerate(composed.members):
         x, inputs = composed.x[composed.parts[l]], None if l == held else admissible_inputs(member)
-        found.append(enclose(member, x, inputs, bounds[l], horizon, inflations))
-    return found
+        enclosures.append(enclose(member, x, inputs, bounds[l], horizon, inflations))
+    return enclosures
 
 
 def _sides(box: Sequence[Interval]) -> list[ca.SX]:
@@ -146,7 +148,7 @@ def _slowed(
     box: Sequence[Interval],
     horizon: float | ca.SX,
 ) -> Interval:
-    """Range of x_k while the state is in the box, with its own drag; unbounded if unknown.
+    """Range of x_k while the state is in the box, with its own drag; unbounded if not proven.
 
     If its rate is continuous with ∂rate/∂x_k <= j, it grows by d > 0 at a rate of at most a + j d,
     a the largest over the box with x_k as at the start: d <= a (e^{jτ} - 1) / j, with a > 0, which
@@ -167,9 +169,9 @@ def _slowed(
     rising = exponential(multiply(point(horizon), point(ca.fmax(0, steepness.hi))))
     falling = ca.if_else(steepness.hi < 0, reciprocal(point(-steepness.hi)).hi, ca.inf)
     time = ca.fmin(multiply(point(horizon), rising).hi, falling)
-    found = add(start, hull(point(0.0), multiply(point(time), begin)))
-    known = ca.logic_and(steepness.hi < ca.inf, continuous([rate[k]], symbols, box))
-    return Interval(ca.if_else(known, found.lo, -ca.inf), ca.if_else(known, found.hi, ca.inf))
+    reach = add(start, hull(point(0.0), multiply(point(time), begin)))
+    proven = ca.logic_and(steepness.hi < ca.inf, continuous([rate[k]], symbols, box))
+    return Interval(ca.if_else(proven, reach.lo, -ca.inf), ca.if_else(proven, reach.hi, ca.inf))
 
 
 def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[Interval] | None:
@@ -187,9 +189,9 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
     u = ca.SX.sym("u", len(member.dynamics.inputs))
     rate = member.dynamics.drift(x) + member.dynamics.actuation(x) @ u
     anywhere = [Interval(ca.SX(-ca.inf), ca.SX(ca.inf))] * x.numel()
-    found = extend(ca.vertsplit(rate), scalars([x, u]), [*anywhere, *inputs])
+    undisturbed = extend(ca.vertsplit(rate), scalars([x, u]), [*anywhere, *inputs])
     pushed = Interval(ca.SX(-bound), ca.SX(bound))
-    rates = [add(each, pushed) for each in found]
+    rates = [add(each, pushed) for each in undisturbed]
     return rates if np.isfinite([float(end) for each in rates for end in each]).all() else None
 
 
@@ -208,8 +210,8 @@ def admissible_inputs(member: Member) -> list[Interval]:
     Raises:
         ValueError: U depends on the state.
     """
-    found = admissible_corners(member)
-    ends = np.stack([found.min(axis=0), found.max(axis=0)], axis=1)
+    corners = admissible_corners(member)
+    ends = np.stack([corners.min(axis=0), corners.max(axis=0)], axis=1)
     return [Interval(ca.SX(a), ca.SX(b)) for a, b in ends.tolist()]
 
 
@@ -220,15 +222,15 @@ def admissible_corners(member: Member) -> Array:
         ValueError: U depends on the state.
     """
     x = ca.SX.sym("x", len(member.dynamics.states))
-    known = constant_polytope(*member.dynamics.input_polytope(x))
-    if known is None:
+    polytope = constant_polytope(*member.dynamics.input_polytope(x))
+    if polytope is None:
         raise ValueError(
             f"safety.margin: expected input bounds of {member.name} that do not depend on its "
             "state, which the local margin needs"
         )
     # Vertices are rounded to nearest; the factor covers that.
     share = 1.0 + 1e-6 if rounds_outwards() else 1.0
-    return vertices(known.A, known.b + share * known.allowance)
+    return vertices(polytope.A, polytope.b + share * polytope.allowance)
 
 
 class Within(NamedTuple):
@@ -242,21 +244,21 @@ class Within(NamedTuple):
 
 
 def within(
-    moving: Sequence[Enclosure], i: int, known: Sequence[ca.SX], values: Sequence[ca.SX]
+    moving: Sequence[Enclosure], i: int, constants: Sequence[ca.SX], values: Sequence[ca.SX]
 ) -> Within:
-    """Collect symbols and ranges of the row of the member at place i.
+    """Collect symbols and ranges of the row of member i.
 
-    known: scalars that do not change until the horizon, with their values at the sample.
+    constants: scalars that do not change until the horizon, with their values at the sample.
     """
     fixed = [e.u if l == i else ca.SX.sym("w", e.u.numel()) for l, e in enumerate(moving)]
     others = [l for l in range(len(moving)) if l != i]
-    own = [*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]]
+    vectors = [*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]]
     ranges = [*[e.states for e in moving], *[e.inputs for e in moving]]
     ranges += [moving[l].inputs for l in others]
     ranges += [e.disturbances for e in moving]
     return Within(
         fixed,
-        [*scalars(own), *scalars([e.phi for e in moving]), *known],
+        [*scalars(vectors), *scalars([e.phi for e in moving]), *constants],
         [*[interval for each in ranges for interval in each], *map(point, values)],
     )
 

@@ -58,14 +58,14 @@ class Growth(NamedTuple):
     bend: ca.SX
     """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input; for
     a half, the rate of ½ Σ drift + c_i u_i."""
-    known: ca.SX
+    proven: ca.SX
     """1 if the bound is proven at this state, else 0."""
 
 
 def growth(
     value: ca.SX,
     pair: ComposedSet,
-    own: int,
+    side: int,
     moving: Sequence[Enclosure],
     bounds: Sequence[float],
     part: RowPart = RowPart.WHOLE,
@@ -75,7 +75,7 @@ def growth(
     Args:
         value: V, an expression of the members' states.
         pair: one pair alone.
-        own: agent i's place in it.
+        side: agent i's, 0 or 1.
         moving: the members' enclosures; agent i's is for one held input, or for all of U_i.
         bounds: φ_l^max of each member.
         part: of V's rate that agent i's row keeps; a half bounds that part alone, not V.
@@ -85,11 +85,11 @@ def growth(
         UnboundedOperationError: an expression has no interval extension.
     """
     members, numbers = pair.members, scalars([pair.parameters])
-    fixed, symbols, box = within(moving, own, numbers, numbers)
+    fixed, symbols, box = within(moving, side, numbers, numbers)
     gradients, drifts, actuation = lie_derivatives(pair, value)
     drift = sum(drifts, ca.SX(0))
-    rate = row = part.value * drift + actuation[own] @ moving[own].u
-    others = [l for l in range(len(members)) if l != own]
+    rate = row = part.value * drift + actuation[side] @ moving[side].u
+    others = [l for l in range(len(members)) if l != side]
     for l in others if part is RowPart.WHOLE else ():
         row += actuation[l] @ fixed[l]
         rate += ca.mmax(ca.DM(admissible_corners(members[l])) @ actuation[l].T)
@@ -102,15 +102,15 @@ def growth(
     bounded = [change, disturbance_bound(gradients, bounds), steepness]
     bend, disturbance, steep = extend(bounded, symbols, box)
     parts = [value, *[d.T for d in gradients], drift, *[c.T for c in actuation]]
-    known = continuous(scalars(parts), symbols, box)
+    proven = continuous(scalars(parts), symbols, box)
     for e in moving:
-        known = ca.logic_and(known, e.certain)
-    sampled = scalars([*[e.x for e in moving], moving[own].u])
+        proven = ca.logic_and(proven, e.certain)
+    sampled = scalars([*[e.x for e in moving], moving[side].u])
     value, rate = _at_most([value, rate], [*sampled, *numbers])
     # Comparisons are false for NaN, which max would ignore.
     for number in (value, disturbance.hi, bend.hi, steep.hi):
-        known = ca.logic_and(known, number < ca.inf)
-    return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
+        proven = ca.logic_and(proven, number < ca.inf)
+    return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), proven)
 
 
 def _at_most(values: Sequence[ca.SX], symbols: Sequence[ca.SX]) -> list[ca.SX]:
@@ -148,7 +148,7 @@ def integrated_margin(
     lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     margin = part.value * bound.disturbance + lasting * bound.bend + outside
-    return ca.if_else(bound.known, margin, ca.inf)
+    return ca.if_else(bound.proven, margin, ca.inf)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
@@ -165,7 +165,7 @@ def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
     rising = -2 * bound.value / (speed + root)
     falling = ca.if_else(bound.bend > 0, (root - speed) / bound.bend, ca.inf)
     crossing = (1.0 if exact else 1.0 - 1e-13) * ca.if_else(speed > 0, rising, falling)
-    proven = ca.logic_and(bound.known, ca.logic_and(bound.value <= 0, bound.rate < ca.inf))
+    proven = ca.logic_and(bound.proven, ca.logic_and(bound.value <= 0, bound.rate < ca.inf))
     return ca.if_else(proven, ca.fmin(horizon, crossing), 0)
 
 
@@ -187,12 +187,12 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     symbols = scalars([e.x for e in moving]) + numbers
     starts = _at_most(chain.psi[:-1], symbols)
     box = [*[interval for e in moving for interval in e.states], *map(point, numbers)]
-    kept = continuous(list(chain.psi[:-1]), symbols, box)
+    holds = continuous(list(chain.psi[:-1]), symbols, box)
     for psi, start, alpha in zip(chain.psi[:-1], starts, alphas, strict=False):
         steepness = disturbance_bound([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
         reach, steep = extend([psi, steepness], symbols, box)
         s = ca.SX.sym("s")
         (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])
         for bounded in (reach.hi < ca.inf, steep.hi < ca.inf, start <= 0, back.lo >= 0):
-            kept = ca.logic_and(kept, bounded)
-    return kept
+            holds = ca.logic_and(holds, bounded)
+    return holds

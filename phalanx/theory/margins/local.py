@@ -53,14 +53,14 @@ def local_margin(
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
     # Comparisons are false for NaN, which max would ignore.
-    known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
+    proven = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
     # Rates do not bound a row or ψ that can jump: h must be C^{1,1}, as in the paper. ψ is tested
     # too, since a derivative does not show a jump. α is class K and so continuous.
     parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
     smooth = continuous(scalars(parts), symbols, intervals)
     for e in moving:
-        known = ca.logic_and(e.certain, known)
-    return ca.if_else(ca.logic_and(known, smooth), bound, UNKNOWN)
+        proven = ca.logic_and(e.certain, proven)
+    return ca.if_else(ca.logic_and(proven, smooth), bound, UNKNOWN)
 
 
 def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:

@@ -139,12 +139,12 @@ class AgentMargin:
     symbols: tuple[ca.SX, ...] = ()
     """Symbols in its expressions other than the state."""
 
-    def of(self, chain: Chain, own: int, part: RowPart) -> ca.SX:
+    def of(self, chain: Chain, side: int, part: RowPart) -> ca.SX:
         """The margin of a row as an expression of the sampled state, scalar.
 
         Args:
             chain: of a pair.
-            own: the place of the row's agent among the chain's members.
+            side: that of the row's agent in the pair, 0 or 1.
             part: of the pair's condition that the row keeps.
 
         Raises:
@@ -152,7 +152,7 @@ class AgentMargin:
                 state or some operation has no interval rule.
             MistakenMethodError: a user's margin failed, or returned no scalar expression.
         """
-        row = PairRow(chain, own, part, self.horizon, self.bounds_of(chain))
+        row = PairRow(chain, side, part, self.horizon, self.bounds_of(chain))
         return part.value * self.eta + self.kind.at_sample(row)
 
     def bounds_of(self, chain: Chain) -> tuple[float, ...]:

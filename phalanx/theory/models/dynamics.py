@@ -139,9 +139,9 @@ def require_sound(dynamics: Dynamics) -> None:
     """
     n, m = (_count(dynamics, field) for field in ("states", "inputs"))
     for field, count in (("state_units", n), ("input_units", m)):
-        found = getattr(dynamics, field, None)
-        if found is not None and (not isinstance(found, tuple | list) or len(found) != count):
-            raise MistakenMethodError(dynamics, field, f"a tuple of {count} units", repr(found))
+        values = getattr(dynamics, field, None)
+        if values is not None and (not isinstance(values, tuple | list) or len(values) != count):
+            raise MistakenMethodError(dynamics, field, f"a tuple of {count} units", repr(values))
     x = ca.SX.sym("x", n)
     allowed: list[list[Shape]] = [[(n,)], [(n, m)], [(2,), (3,)]]
     for method, shapes in zip(("drift", "actuation", "position"), allowed, strict=True):
@@ -161,11 +161,11 @@ def _count(dynamics: Dynamics, field: str) -> int:
 
 def _require_polytope(dynamics: Dynamics, x: ca.SX, m: int) -> None:
     expected = f"A(x) of shape (r, {m}) and b(x) of shape (r,)"
-    found: Any = dynamics.input_polytope(x)
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        got = f"{len(found)} values" if isinstance(found, tuple | list) else type(found).__name__
+    sides: Any = dynamics.input_polytope(x)
+    if not isinstance(sides, tuple | list) or len(sides) != 2:
+        got = f"{len(sides)} values" if isinstance(sides, tuple | list) else type(sides).__name__
         raise MistakenMethodError(dynamics, "input_polytope", expected, got)
-    A, b = found
+    A, b = sides
     rows = int(getattr(A, "shape", (0,))[0])
     A = require_expression(dynamics, "input_polytope", [(rows, m)], A, symbols=[x])
     b = require_expression(dynamics, "input_polytope", [(rows,)], b, symbols=[x])

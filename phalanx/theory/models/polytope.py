@@ -125,8 +125,8 @@ def vertices(A: Array, b: Array) -> Array:
     inside = (dot(points[:, None], A) <= b + tolerance).all(axis=1)
     if not inside.any():
         raise EmptyPolytopeError(f"no point satisfies all {len(b)} rows of A u <= b")
-    found: Array = np.unique(points[inside], axis=0)
-    return found
+    corners: Array = np.unique(points[inside], axis=0)
+    return corners
 
 
 def _require_bounded(A: Array) -> None:
@@ -167,8 +167,8 @@ def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
 @cache
 def _polytope_of(shape: tuple[int, ...], A: bytes, b: bytes) -> Polytope:
     """The polytope with these bits, cached and read-only; by bits since 0.0 equals -0.0."""
-    found = polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
-    sides = (found.box.low, found.box.high) if found.box else ()
-    for array in (found.A, found.b, found.corners, *sides):
+    constant = polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
+    sides = (constant.box.low, constant.box.high) if constant.box else ()
+    for array in (constant.A, constant.b, constant.corners, *sides):
         array.flags.writeable = False
-    return found
+    return constant

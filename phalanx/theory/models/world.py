@@ -104,14 +104,14 @@ def advanced(
 ) -> WorldStates:
     """Advance a world and check what it returns. Raises MistakenMethodError."""
     expected = f"states up to t = {until:.9g} s, at most {step:g} s apart"
-    found: Any = world.advance(until)
+    states: Any = world.advance(until)
 
     def mistaken(got: str) -> MistakenMethodError:
         return MistakenMethodError(world, "advance", expected, got)
 
     try:
-        t = np.asarray(found.t, dtype=float)
-        x = {a.name: np.asarray(found.x[a.name], dtype=float) for a in agents}
+        t = np.asarray(states.t, dtype=float)
+        x = {a.name: np.asarray(states.x[a.name], dtype=float) for a in agents}
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise mistaken(f"no times t and states x of every agent: {error}") from error
     gaps = np.diff(t, prepend=now) if t.ndim == 1 else np.zeros(1)
@@ -123,4 +123,4 @@ def advanced(
         shape = len(t), len(agent.dynamics.states)
         if x[agent.name].shape != shape:
             raise mistaken(f"shape {x[agent.name].shape} for agent {agent.name}, not {shape}")
-    return WorldStates(t, x, getattr(found, "notes", ()))
+    return WorldStates(t, x, getattr(states, "notes", ()))

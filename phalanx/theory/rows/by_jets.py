@@ -1,6 +1,6 @@
 """Terms of h_tot from the derivatives of each pair's h along the drift: h, L_f h, ..., L_f^q h.
 
-The places of the pairs' and members' numbers are arguments. So the function grows with the number
+The indices of the pairs' and members' numbers are arguments. So the function grows with the number
 of kinds only, and serves all agents that see as many of each kind.
 """
 
@@ -37,15 +37,15 @@ class _Shape(NamedTuple):
 
 
 class _Gathered:
-    """Numbers at given places; each list of places becomes an argument of the function."""
+    """Numbers at indices; each list of indices becomes an argument of the function."""
 
     def __init__(self) -> None:
-        self.places: list[ca.MX] = []
+        self.arguments: list[ca.MX] = []
 
     def __call__(self, values: ca.MX, height: int, width: int) -> ca.MX:
-        """The numbers as a matrix, with a column for each row of places."""
-        self.places.append(ca.MX.sym("places", height * width))
-        return ca.reshape(values[self.places[-1]], height, width)
+        """The numbers as a matrix, with a column for each row of indices."""
+        self.arguments.append(ca.MX.sym("indices", height * width))
+        return ca.reshape(values[self.arguments[-1]], height, width)
 
 
 class TermsByJets:
@@ -57,7 +57,7 @@ class TermsByJets:
             [np.zeros(pairs.states), pairs.parameters, members.corners]
         )
         """A function's numbers: the state, obstacles' parameters and the corners of each U."""
-        self.jets, self._made = jets, cache(self._make)
+        self.jets, self._functions = jets, cache(self._make)
 
     def with_pairs(self, pairs: SwarmPairs) -> Self:
         """The same functions for pairs by SwarmPairs.with_obstacles."""
@@ -78,98 +78,104 @@ class TermsByJets:
     @cached_property
     def parts(self) -> list[MappedFunction]:
         """The different functions among parts_of."""
-        every = [part for own in self.parts_of for part in own if part]
+        every = [part for parts in self.parts_of for part in parts if part]
         return list({id(part): part for part in every}.values())
 
     def function(
         self, members: MembersByKind, pairs: ChosenPairs
     ) -> tuple[ca.Function, list[Index]]:
-        """The function of the numbers and of places for these members and pairs; these places.
+        """The function of the numbers and of indices, for these members and pairs; these indices.
 
         Its results: ψ_0 ... ψ_{q-1} and the unforced part; c of all members; and for each the least
         and most of c u, or A and b of a U that varies with the state.
         """
-        q, each = self.pairs.degree, self.members
-        c, count = self.layout([(each.kinds[k].inputs, own) for k, own in members], 0)
+        q, swarm = self.pairs.degree, self.members
+        c, count = self.layout(
+            [(swarm.kinds[k].inputs, kind_members) for k, kind_members in members], 0
+        )
         parts, jets = _Parts(self, pairs), _Jets(self, pairs)
-        owners = np.full(each.inputs[-1].stop, -1)
+        owners = np.full(swarm.inputs[-1].stop, -1)
         for l, part in c.items():
-            owners[each.inputs[l]] = np.r_[part]
+            owners[swarm.inputs[l]] = np.r_[part]
         pushes = _lists(owners[pairs.force_input], count)
         weights = np.append(pairs.force_pair * q + q - 1, 0)
         tables = list(parts.tables)
         for group in pairs.groups:
-            places = np.concatenate([group.places, *parts.of(group.number, group.pairs)], axis=1)
-            tables.append(_filled(places, rounded_up(len(places))))
+            indices = np.concatenate([group.indices, *parts.of(group.number, group.pairs)], axis=1)
+            tables.append(_filled(indices, rounded_up(len(indices))))
         tables += [jets.h, jets.forces[pushes], weights[pushes]]
-        for k, own in members:
-            tables.append(_filled(each.arguments(k, own), rounded_up(len(own))))
+        for k, kind_members in members:
+            tables.append(_filled(swarm.arguments(k, kind_members), rounded_up(len(kind_members))))
         shape = _Shape(
             parts.shape,
             tuple((group.number, rounded_up(len(group.pairs))) for group in pairs.groups),
-            tuple((k, rounded_up(len(own))) for k, own in members),
+            tuple((k, rounded_up(len(kind_members))) for k, kind_members in members),
             len(jets.h),
             len(pushes),
         )
-        return self._made(shape), tables
+        return self._functions(shape), tables
 
     def _make(self, shape: _Shape) -> ca.Function:
         q, chosen = self.pairs.degree, _Gathered()
         numbers = ca.MX.sym("numbers", len(self.numbers))
-        known, found = [numbers], []
+        vectors, results = [numbers], []
         for k, room in shape.parts:
             part = self.parts[k]
-            known.append(ca.vec(part.mapped(room)(chosen(numbers, part.inputs, room))))
-        once = ca.vertcat(*known)
+            vectors.append(ca.vec(part.mapped(room)(chosen(numbers, part.inputs, room))))
+        once = ca.vertcat(*vectors)
         for k, room in shape.pairs:
             function = self.pairs.kinds[k].shared.jets
-            found.append(ca.vec(function.mapped(room)(chosen(once, function.inputs, room))))
-        jets = ca.vertcat(*found, ca.MX(FAR), 0.0)
+            results.append(ca.vec(function.mapped(room)(chosen(once, function.inputs, room))))
+        jets = ca.vertcat(*results, ca.MX(FAR), 0.0)
         chain, weights = self.jets.composition(shape.room)(chosen(jets, q + 1, shape.room))
         inputs = sum(self.members.kinds[k].inputs * room for k, room in shape.members)
         forces = chosen(jets, inputs, shape.most)
         c = ca.sum2(forces * chosen(ca.vec(weights), inputs, shape.most))
         ends = self._extremes(numbers, c, shape.members, chosen)
-        return ca.Function("terms", [numbers, *chosen.places], [ca.vertcat(chain, c, *ends)])
+        return ca.Function("terms", [numbers, *chosen.arguments], [ca.vertcat(chain, c, *ends)])
 
     def layout(self, sizes: MembersByKind, begin: int) -> tuple[dict[int, slice], int]:
         """The slice of each member's numbers, from `begin` on, and their end.
 
         sizes: (count of numbers, members with as many).
         """
-        found: dict[int, slice] = {}
-        for size, own in sizes:
-            found |= {l: slice(begin + n * size, begin + (n + 1) * size) for n, l in enumerate(own)}
-            begin += size * rounded_up(len(own))
-        return found, begin
+        slices: dict[int, slice] = {}
+        for size, group in sizes:
+            slices |= {
+                l: slice(begin + n * size, begin + (n + 1) * size) for n, l in enumerate(group)
+            }
+            begin += size * rounded_up(len(group))
+        return slices, begin
 
     def _extremes(
         self, numbers: ca.MX, c: ca.MX, rooms: Sequence[tuple[int, int]], chosen: _Gathered
     ) -> list[ca.MX]:
         """Least and most of c u, or A and b; rooms: (number of a kind, room for its members)."""
-        found, begin = [], 0
+        ends, begin = [], 0
         for k, room in rooms:
             kind = self.members.kinds[k]
-            own = ca.reshape(c[begin : (begin := begin + kind.inputs * room)], kind.inputs, room)
+            columns = ca.reshape(
+                c[begin : (begin := begin + kind.inputs * room)], kind.inputs, room
+            )
             if kind.polytope is None:
                 row = chosen(numbers, kind.x.numel(), room)
             else:
-                row = ca.vertcat(own, chosen(numbers, len(kind.corners), room))
-            found.append(ca.vec(kind.extremes.mapped(room)(row)))
-        return found
+                row = ca.vertcat(columns, chosen(numbers, len(kind.corners), room))
+            ends.append(ca.vec(kind.extremes.mapped(room)(row)))
+        return ends
 
 
 class _Jets:
-    """Places of the jets among the results of all groups, which have room for more pairs."""
+    """Indices of the jets among the results of all groups, which have room for more pairs."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
         q, begin = by_jets.pairs.degree, 0
         h, forces = list[Index](), list[Index]()
         for group in pairs.groups:
             width = group.kind.shared.jets.results
-            own = begin + np.arange(len(group.pairs) * width).reshape(-1, width)
-            h.append(own[:, : q + 1])
-            forces.append(own[:, q + 1 :].ravel())
+            rows = begin + np.arange(len(group.pairs) * width).reshape(-1, width)
+            h.append(rows[:, : q + 1])
+            forces.append(rows[:, q + 1 :].ravel())
             begin += rounded_up(len(group.pairs)) * width
         # The results end with FAR and zero: the jets of an unused pair, and an unused force.
         unused, count = np.array([[begin] + [begin + 1] * q]), len(pairs.pairs)
@@ -180,20 +186,20 @@ class _Jets:
 
 
 class _Parts:
-    """Places of the terms of one member alone, which all its pairs share."""
+    """Indices of the terms of one member alone, which all its pairs share."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
         self._of, begin = by_jets.parts_of, len(by_jets.numbers)
         self._first: dict[int, Index] = {}
         self.tables: list[Index] = []
-        """Places of the states that each function takes, row by row."""
+        """Indices of the states that each function takes, row by row."""
         shape = []
         for number, part in enumerate(by_jets.parts):
             members = self._members(part, pairs)
             if not len(members):
                 continue
             room = rounded_up(len(members))
-            self.tables.append(_filled(by_jets.members.places(members.tolist()), room))
+            self.tables.append(_filled(by_jets.members.state_indices(members.tolist()), room))
             shape.append((number, room))
             first = self._first[id(part)] = np.zeros(members[-1] + 1, dtype=np.intp)
             first[members] = begin + part.results * np.arange(len(members))
@@ -202,16 +208,16 @@ class _Parts:
 
     def _members(self, part: MappedFunction, pairs: ChosenPairs) -> Index:
         """The members whose part is needed."""
-        found = [
+        members = [
             group.pairs[:, side]
             for group in pairs.groups
-            for side, own in enumerate(self._of[group.number])
-            if own is part
+            for side, member_part in enumerate(self._of[group.number])
+            if member_part is part
         ]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *members]))
 
     def of(self, kind: int, pairs: Index) -> list[Index]:
-        """Places of the parts of both members, for pairs of a kind, shapes (r, k)."""
+        """Indices of the parts of both members, for pairs of a kind, shapes (r, k)."""
         return [
             self._first[id(part)][pairs[:, side]][:, None] + np.arange(part.results)
             for side, part in enumerate(self._of[kind])
@@ -219,13 +225,13 @@ class _Parts:
         ]
 
 
-def _filled(places: Index, room: int) -> Index:
+def _filled(indices: Index, room: int) -> Index:
     """Fill the room up with copies of the first row."""
-    return np.concatenate([places, places[:1].repeat(room - len(places), axis=0)])
+    return np.concatenate([indices, indices[:1].repeat(room - len(indices), axis=0)])
 
 
 def _lists(owners: Index, count: int) -> Index:
-    """Places k with owners[k] = c in column c, shape (most, count), filled with len(owners)."""
+    """Indices k with owners[k] = c in column c, shape (most, count), filled with len(owners)."""
     order = np.argsort(owners, kind="stable")
     sizes = np.bincount(owners, minlength=count)
     table = np.full((rounded_up(int(sizes.max(initial=0))), count), len(owners))

@@ -40,30 +40,34 @@ class JointInput:
         least = added(terms.least[l] for l in normal)
         if least > row.bound:
             empty = finite_or_none(least - row.bound), finite_or_none(terms.margin)
-            own = zip(normal, u_nom, self._alone, strict=True)
-            return [Decision(*backup(terms, l, u, qp), *empty) for l, u, qp in own]
+            agents = zip(normal, u_nom, self._alone, strict=True)
+            return [Decision(*backup(terms, l, u, qp), *empty) for l, u, qp in agents]
         origin = Origin.QP
         u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
         if u is None:
             require_numbers(least, row.bound)
             backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
             u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
-        left = float(dot(row.a, u) - row.bound)
-        return [Decision(u[part], origin, left, terms.margin) for part in self._parts]
+        residual = float(dot(row.a, u) - row.bound)
+        return [Decision(u[part], origin, residual, terms.margin) for part in self._parts]
 
     def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
         """U_N, the product of the U_i, without its many corners, which are not needed."""
-        each = [terms.polytopes[l] for l in normal]
+        polytopes = [terms.polytopes[l] for l in normal]
         A = np.zeros((self._rows[-1].stop, self._parts[-1].stop))
-        for rows, part, own in zip(self._rows, self._parts, each, strict=True):
-            A[rows, part] = own.A
-        boxes = [own.box for own in each if own.box is not None]
-        box, allowance = None, min(own.allowance for own in each)
-        if len(boxes) == len(each):
+        for rows, part, polytope in zip(self._rows, self._parts, polytopes, strict=True):
+            A[rows, part] = polytope.A
+        boxes = [polytope.box for polytope in polytopes if polytope.box is not None]
+        box, allowance = None, min(polytope.allowance for polytope in polytopes)
+        if len(boxes) == len(polytopes):
             low, high = [box.low for box in boxes], [box.high for box in boxes]
             box = Box(np.concatenate(low), np.concatenate(high))
         return Polytope(
-            A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box, allowance
+            A,
+            np.concatenate([polytope.b for polytope in polytopes]),
+            np.zeros((0, A.shape[1])),
+            box,
+            allowance,
         )
 
 

@@ -62,49 +62,49 @@ class ComposedTerms:
 
     def __init__(self, swarm: SwarmTerms, i: int, radius: float | None, margin: float) -> None:
         self._swarm, self.margin = swarm, margin
-        self._own = swarm.members.states[i]
+        self._own_state = swarm.members.states[i]
         self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
         self._function: ComposedFunction
-        self._seen: tuple[int, ...] = ()
+        self._members: tuple[int, ...] = ()
         self._positions = Positions(swarm.members, ())
-        constant = len(swarm.members.known) == len(swarm.members.states)
-        self.known = swarm.members.known if constant else None
+        constant = len(swarm.members.constant_polytopes) == len(swarm.members.states)
+        self.constant_polytopes = swarm.members.constant_polytopes if constant else None
         """U_l of all members; None if some depend on the state."""
 
-    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "LazyTerms":
-        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
+    def __call__(self, x: Array, in_sight: Sequence[int] | None = None) -> "LazyTerms":
+        """Evaluate at a stacked state, shape (n̄,), of which only members in sight are known.
 
         Args:
-            x: anything for members that are not seen. It is read on first use of a term.
-            seen: in ascending order; None for all.
+            x: anything for members out of sight. It is read on first use of a term.
+            in_sight: in ascending order; None for all.
         """
-        return LazyTerms(self, x, self._swarm.everyone if seen is None else tuple(seen))
+        return LazyTerms(self, x, self._swarm.everyone if in_sight is None else tuple(in_sight))
 
     def compile(self) -> None:
         """Compile the function of all members now, and not at the first state."""
         states = self._swarm.members.states
         self.choose(np.zeros(states[-1].stop), self._swarm.everyone)
 
-    def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
-        """Output positions of the members seen [m]."""
-        if seen != self._seen:
-            self._seen, self._positions = seen, Positions(self._swarm.members, seen)
+    def positions(self, x: Array, in_sight: tuple[int, ...]) -> Mapping[int, Array]:
+        """Output positions of the members in sight [m]."""
+        if in_sight != self._members:
+            self._members, self._positions = in_sight, Positions(self._swarm.members, in_sight)
         return self._positions(x)
 
-    def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
+    def psi(self, x: Array, in_sight: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        return self.choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
+        return self.choose(x, self._swarm.everyone if in_sight is None else tuple(in_sight)).psi(x)
 
-    def choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
+    def choose(self, x: Array, in_sight: tuple[int, ...]) -> ComposedFunction:
         """The function of the pairs in sight at x."""
         pairs = self._swarm.pairs
-        near = self._near(x[self._own], pairs.parameters)[0] if self._near else None
-        key = seen, b"" if near is None else near.tobytes()
+        near = self._near(x[self._own_state], pairs.parameters)[0] if self._near else None
+        key = in_sight, b"" if near is None else near.tobytes()
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
-            chosen = pairs.choose(pairs.among(seen, around))
-            self._key, self._function = key, ComposedFunction(self._swarm.by_jets, seen, chosen)
+            chosen = pairs.choose(pairs.among(in_sight, around))
+            self._key, self._function = key, ComposedFunction(self._swarm.by_jets, in_sight, chosen)
         return self._function
 
 
@@ -119,24 +119,24 @@ class LazyTerms:
     polytopes: Mapping[int, Polytope]
     positions: Mapping[int, Array]
 
-    def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
-        self._terms, self._x, self._seen = terms, x, seen
+    def __init__(self, terms: ComposedTerms, x: Array, in_sight: tuple[int, ...]) -> None:
+        self._terms, self._x, self._members = terms, x, in_sight
         self.margin = terms.margin
-        if terms.known is not None:
-            self.polytopes = terms.known
+        if terms.constant_polytopes is not None:
+            self.polytopes = terms.constant_polytopes
 
     def __getattr__(self, name: str) -> Any:
         """Compute a term that is missing, with those that are computed in the same call."""
         if name not in LazyTerms.__annotations__:
             raise AttributeError(f"terms have no {name!r}")
-        terms, x, seen = self._terms, self._x, self._seen
+        terms, x, in_sight = self._terms, self._x, self._members
         if name == "positions":
-            self.positions = terms.positions(x, seen)
+            self.positions = terms.positions(x, in_sight)
         else:
-            found = terms.choose(x, seen)(x)
-            self.psi, self.unforced, self.c = found.psi, found.unforced, found.c
-            self.least, self.most = found.least, found.most
-            self.polytopes = found.polytopes
+            numbers = terms.choose(x, in_sight)(x)
+            self.psi, self.unforced, self.c = numbers.psi, numbers.unforced, numbers.c
+            self.least, self.most = numbers.least, numbers.most
+            self.polytopes = numbers.polytopes
         return self.__dict__[name]
 
 
@@ -154,8 +154,8 @@ class ObstaclesInSight:
         """
         if radius is None or not self._obstacles:
             return None
-        for known, its_radius, function in self._compiled:
-            if its_radius == radius and known is dynamics:
+        for compiled_for, its_radius, function in self._compiled:
+            if its_radius == radius and compiled_for is dynamics:
                 return function
         x = ca.SX.sym("x", len(dynamics.states))
         p = dynamics.position(x)

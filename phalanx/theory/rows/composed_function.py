@@ -25,52 +25,55 @@ class ComposedNumbers(Struct, frozen=True):
 
 
 class ComposedFunction:
-    """Terms of fixed pairs and members, whose numbers it finds by tables of places."""
+    """Terms of fixed pairs and members, whose numbers it reads by tables of indices."""
 
-    def __init__(self, by_jets: TermsByJets, seen: Sequence[int], pairs: ChosenPairs) -> None:
-        """seen: members. pairs: among them, and with obstacles and limits."""
+    def __init__(self, by_jets: TermsByJets, in_sight: Sequence[int], pairs: ChosenPairs) -> None:
+        """in_sight: members. pairs: among them, and with obstacles and limits."""
         members, self._degree = by_jets.members, by_jets.pairs.degree
-        kinds = list(members.by_kind(seen).items())
-        sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
+        kinds = list(members.by_kind(in_sight).items())
+        sizes = [(members.kinds[k].inputs, group) for k, group in kinds]
         self._c, end = by_jets.layout(sizes, self._degree + 1)
-        sizes = [(members.kinds[k].extremes.results, own) for k, own in kinds]
+        sizes = [(members.kinds[k].extremes.results, group) for k, group in kinds]
         self._ends, _ = by_jets.layout(sizes, end)
-        self._known = members.known
-        self._varying = [l for l in self._ends if l not in self._known]
-        self._least = [(l, own.start) for l, own in self._ends.items() if l in self._known]
-        """Place of the least of each member with a constant U; the most comes next."""
+        self._constant = members.constant_polytopes
+        self._varying = [l for l in self._ends if l not in self._constant]
+        self._least = [(l, group.start) for l, group in self._ends.items() if l in self._constant]
+        """(member, index of its least result) where U is constant; the most comes next."""
         function, tables = by_jets.function(kinds, pairs)
         arguments = [table.ravel().astype(np.float64) for table in tables]
         self._bound = BoundFunction(function, [by_jets.numbers.copy(), *arguments])
-        self._x, self._found = self._bound.inputs[0][: by_jets.pairs.states], self._bound.outputs[0]
+        self._x, self._results = (
+            self._bound.inputs[0][: by_jets.pairs.states],
+            self._bound.outputs[0],
+        )
 
     def __call__(self, x: Array) -> ComposedNumbers:
         """Evaluate at the stacked state, shape (n̄,)."""
         self._x[:] = x
         self._bound.call()
-        found, q = self._found.copy(), self._degree
-        numbers = found.tolist()
+        results, q = self._results.copy(), self._degree
+        numbers = results.tolist()
         composed = ComposedNumbers(
-            found[:q],
+            results[:q],
             numbers[q],
-            {l: found[own] for l, own in self._c.items()},
+            {l: results[part] for l, part in self._c.items()},
             {l: numbers[k] for l, k in self._least},
             {l: numbers[k + 1] for l, k in self._least},
-            self._known,
+            self._constant,
         )
-        return self._solved(composed, found) if self._varying else composed
+        return self._solved(composed, results) if self._varying else composed
 
     def psi(self, x: Array) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,), without any linear program."""
         self._x[:] = x
         self._bound.call()
-        return self._found[: self._degree].copy()
+        return self._results[: self._degree].copy()
 
-    def _solved(self, composed: ComposedNumbers, found: Array) -> ComposedNumbers:
+    def _solved(self, composed: ComposedNumbers, results: Array) -> ComposedNumbers:
         """Add the linear programs of members whose U_l depends on the state."""
         polytopes = dict(composed.polytopes)
         for l in self._varying:
-            row, c = found[self._ends[l]], composed.c[l]
+            row, c = results[self._ends[l]], composed.c[l]
             A, b = np.split(row, [len(row) * len(c) // (len(c) + 1)])
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             composed.least[l], composed.most[l] = extremes(c, polytopes[l].corners)

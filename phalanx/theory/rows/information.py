@@ -65,14 +65,14 @@ class Information:
         self, received: Mapping[int, ReceivedInput], t: float
     ) -> dict[int, tuple[float, ...]]:
         """û_l by agent, where it counts for an input that takes effect at t [s]."""
-        return {l: each.u for l, each in received.items() if self.counts(l, each, t)}
+        return {l: message.u for l, message in received.items() if self.counts(l, message, t)}
 
     def sharing(
         self, i: int, received: Mapping[int, ReceivedInput], t: float, among: Iterable[int]
     ) -> list[int]:
         """Normal agents among these that keep their half of a pair at t [s], agent i included."""
         begun = t <= self.silence
-        alive = {l for l, each in received.items() if t - each.t_apply <= self.silence}
+        alive = {l for l, message in received.items() if t - message.t_apply <= self.silence}
         return [l for l in among if l in self.unchanged and (l == i or begun or l in alive)]
 
 

@@ -51,84 +51,86 @@ class MemberKind:
         outputs = [ca.densify(o) for o in (self._p, self._f, self._g, *self._outputs)]
         varying = self.polytope is None
         row = self.row if varying else [self.x, *self.row]
-        found: str = ca.Function("member", [ca.vertcat(*row)], outputs).serialize()
-        return found
+        text: str = ca.Function("member", [ca.vertcat(*row)], outputs).serialize()
+        return text
 
 
 class SwarmMembers:
-    """The members of a swarm: the kind of each, and the places of its numbers."""
+    """The members of a swarm: the kind of each, and the indices of its numbers."""
 
     def __init__(self, members: Sequence[Member], after: int = 0) -> None:
         """after: count of other numbers between the states and the corners.
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        each: dict[int, MemberKind] = {}
+        kind_of: dict[int, MemberKind] = {}
         for m in members:
-            if id(m.dynamics) not in each:
-                each[id(m.dynamics)] = MemberKind(m.dynamics)
+            if id(m.dynamics) not in kind_of:
+                kind_of[id(m.dynamics)] = MemberKind(m.dynamics)
         by_text: dict[str, int] = {}
-        number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in each.items()}
+        number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in kind_of.items()}
         self._kind: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
-        """Place of each member's kind in `kinds`."""
-        first = {number[key]: kind for key, kind in reversed(each.items())}
+        """Index of each member's kind in `kinds`."""
+        first = {number[key]: kind for key, kind in reversed(kind_of.items())}
         self.kinds = [first[k] for k in range(len(by_text))]
-        own = [each[id(m.dynamics)].polytope for m in members]
-        self.known = {l: polytope for l, polytope in enumerate(own) if polytope is not None}
+        polytopes = [kind_of[id(m.dynamics)].polytope for m in members]
+        self.constant_polytopes = {
+            l: polytope for l, polytope in enumerate(polytopes) if polytope is not None
+        }
         """U_l of the members that have a constant one."""
         self.states = stacked_slices([len(m.dynamics.states) for m in members])
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         begin = self.states[-1].stop + after
-        where = stacked_slices([len(kind.corners) for kind in each.values()])
-        places = {key: begin + np.r_[part] for key, part in zip(each, where, strict=True)}
-        self.corners: Array = np.concatenate([kind.corners for kind in each.values()])
+        where = stacked_slices([len(kind.corners) for kind in kind_of.values()])
+        indices = {key: begin + np.r_[part] for key, part in zip(kind_of, where, strict=True)}
+        self.corners: Array = np.concatenate([kind.corners for kind in kind_of.values()])
         """Corners of each dynamics' U, one after the other."""
-        self._corners = [places[id(m.dynamics)] for m in members]
+        self._corners = [indices[id(m.dynamics)] for m in members]
 
     def arguments(self, kind: int, members: Sequence[int]) -> Index:
-        """Places of the corners of U for members of a kind; or of their states, if U varies."""
+        """Indices of the corners of U for members of a kind; or of their states, if U varies."""
         if self.kinds[kind].polytope is None:
-            return self.places(members)
+            return self.state_indices(members)
         return np.stack([self._corners[l] for l in members])
 
-    def places(self, members: Sequence[int]) -> Index:
-        """Places of the states of members of one kind, row by row."""
+    def state_indices(self, members: Sequence[int]) -> Index:
+        """Indices of the states of members of one kind, row by row."""
         return np.stack([np.r_[self.states[l]] for l in members])
 
     def extremes(self, l: int, x: Array, c: Array) -> Array:
         """min and max of c u over U_l for states x, (s, n), and c, (s, m); shape (s, 2)."""
-        known, (states, inputs) = self.known.get(l), (x.shape[1], c.shape[1])
-        if known is not None:
-            values = dot(c[:, None], known.corners)
+        constant, (states, inputs) = self.constant_polytopes.get(l), (x.shape[1], c.shape[1])
+        if constant is not None:
+            values = dot(c[:, None], constant.corners)
             return np.column_stack([values.min(axis=1), values.max(axis=1)])
         rows = self.kinds[self._kind[l]].extremes(x.ravel(), np.arange(x.size).reshape(-1, states))
-        found = []
+        ends = []
         for row, force in zip(rows, c, strict=True):
             A, b = np.split(row, [len(row) * inputs // (inputs + 1)])
-            found.append(extremes(force, polytope(A.reshape(len(b), -1), b).corners))
-        return np.array(found)
+            ends.append(extremes(force, polytope(A.reshape(len(b), -1), b).corners))
+        return np.array(ends)
 
-    def by_kind(self, seen: Sequence[int]) -> dict[int, list[int]]:
-        """The members among `seen` of each kind, those with a constant U first."""
-        found: dict[int, list[int]] = {}
-        for l in sorted(seen, key=lambda l: l not in self.known):
-            found.setdefault(int(self._kind[l]), []).append(l)
-        return found
+    def by_kind(self, in_sight: Sequence[int]) -> dict[int, list[int]]:
+        """The members in sight of each kind, those with a constant U first."""
+        groups: dict[int, list[int]] = {}
+        for l in sorted(in_sight, key=lambda l: l not in self.constant_polytopes):
+            groups.setdefault(int(self._kind[l]), []).append(l)
+        return groups
 
 
 class Positions:
     """Output positions of fixed members at one state after another."""
 
-    def __init__(self, swarm: SwarmMembers, seen: Sequence[int]) -> None:
+    def __init__(self, swarm: SwarmMembers, in_sight: Sequence[int]) -> None:
         self._groups = [
-            (members, swarm.kinds[kind].position.at(swarm.places(members)))
-            for kind, members in swarm.by_kind(seen).items()
+            (members, swarm.kinds[kind].position.at(swarm.state_indices(members)))
+            for kind, members in swarm.by_kind(in_sight).items()
         ]
 
     def __call__(self, x: Array) -> dict[int, Array]:
         """Evaluate at the stacked state x, shape (n̄,); output positions by member [m]."""
-        found: dict[int, Array] = {}
+        positions: dict[int, Array] = {}
         for members, rows in self._groups:
             rows(x)
-            found |= zip(members, rows.results.copy(), strict=True)
-        return found
+            positions |= zip(members, rows.results.copy(), strict=True)
+        return positions

@@ -29,13 +29,13 @@ class OwnPair(NamedTuple):
 
     chain: Chain
     """The chain of the pair alone."""
-    own: int
-    """Agent i's place in the pair: 0 or 1."""
+    side: int
+    """Agent i's side of the pair: 0 or 1."""
 
     @property
     def other(self) -> int | None:
-        """The other member's place; None for an obstacle."""
-        return 1 - self.own if len(self.chain.set.members) == 2 else None
+        """The other member's side; None for an obstacle."""
+        return 1 - self.side if len(self.chain.set.members) == 2 else None
 
 
 class PairTerms(Struct, frozen=True):
@@ -84,11 +84,11 @@ class PairRowFunction:
         self.part = part
         forces = ca.SX(1, 0) if other is None else chain.actuation[other]
         unforced = ca.sum1(chain.drift) + chain.alpha
-        own = chain.actuation[pair.own]
+        a = chain.actuation[pair.side]
         self.sizes = chain.set.sizes
         self.evaluate = MappedFunction(
             [chain.set.x, chain.set.parameters, *symbols],
-            [*chain.psi, unforced, _most(pair), margin, own, forces],
+            [*chain.psi, unforced, _most(pair), margin, a, forces],
         )
 
 
@@ -106,7 +106,7 @@ class _Chosen(NamedTuple):
 
     key: tuple[object, ...]
     groups: list[_Group]
-    known: list[Array]
+    results: list[Array]
     """The results of all groups but the forces of the other members, and none if there are none."""
     others: tuple[int | None, ...]
     """As in PairTerms, like `half`."""
@@ -132,7 +132,7 @@ class OwnPairTerms:
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         dynamics = swarm.members[i].dynamics
-        self._own = slice(swarm.begin[i], swarm.begin[i] + len(dynamics.states))
+        self._own_state = slice(swarm.begin[i], swarm.begin[i] + len(dynamics.states))
         self._end = swarm.degree + 3 + len(dynamics.inputs)
         """Count of a row's numbers before the forces of the other member."""
         self._chosen: _Chosen | None = None
@@ -140,24 +140,24 @@ class OwnPairTerms:
     def __call__(
         self,
         x: Array,
-        seen: Sequence[int] | None = None,
+        in_sight: Sequence[int] | None = None,
         sharing: Sequence[int] = (),
         symbols: Sequence[float] = (),
     ) -> PairTerms:
-        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
+        """Evaluate at a stacked state, shape (n̄,), of which only members in sight are known.
 
         Args:
-            x: anything for members that are not seen.
-            seen: in ascending order; None for all.
+            x: anything for members out of sight.
+            in_sight: in ascending order; None for all.
             sharing: normal agents that keep their half; empty unless the model is split.
             symbols: values of those in the margins.
         """
-        seen = range(len(self._swarm.members)) if seen is None else seen
+        in_sight = range(len(self._swarm.members)) if in_sight is None else in_sight
         parameters = self._swarm.parameters
-        near = self._near(x[self._own], parameters)[0] if self._near else None
-        key = tuple(seen), tuple(sharing), b"" if near is None else near.tobytes()
+        near = self._near(x[self._own_state], parameters)[0] if self._near else None
+        key = tuple(in_sight), tuple(sharing), b"" if near is None else near.tobytes()
         if self._chosen is None or self._chosen.key != key:
-            self._chosen = self._choose(key, seen, near, sharing, len(symbols))
+            self._chosen = self._choose(key, in_sight, near, sharing, len(symbols))
         numbers = np.concatenate([x, parameters, symbols])
         for group in self._chosen.groups:
             group.rows(numbers)
@@ -166,13 +166,13 @@ class OwnPairTerms:
     def _choose(
         self,
         key: tuple[object, ...],
-        seen: Sequence[int],
+        in_sight: Sequence[int],
         near: Array | None,
         sharing: Sequence[int],
         symbols: int,
     ) -> _Chosen:
         swarm, i = self._swarm, self._i
-        pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near).tolist())
+        pairs = swarm.of(i, in_sight, None if near is None else np.flatnonzero(near).tolist())
         functions: dict[PairRowFunction, list[tuple[int, int]]] = {}
         for a, b in pairs.tolist():
             other = b if a == i else a
@@ -180,25 +180,25 @@ class OwnPairTerms:
             functions.setdefault(self._function(other, part), []).append((a, b))
         after = swarm.states + len(swarm.parameters) + np.arange(symbols)
         groups = []
-        for function, own in functions.items():
-            places = spread(swarm.begin, np.array(own), function.sizes)
-            tail = np.broadcast_to(after, (len(own), symbols))
-            rows = function.evaluate.at(np.concatenate([places, tail], axis=1))
-            others = [b if a == i else a for a, b in own]
+        for function, kind_pairs in functions.items():
+            indices = spread(swarm.begin, np.array(kind_pairs), function.sizes)
+            tail = np.broadcast_to(after, (len(kind_pairs), symbols))
+            rows = function.evaluate.at(np.concatenate([indices, tail], axis=1))
+            others = [b if a == i else a for a, b in kind_pairs]
             groups.append(_Group(others, function.part, rows))
-        each = [(other, group.part) for group in groups for other in group.others]
+        entries = [(other, group.part) for group in groups for other in group.others]
         return _Chosen(
             key,
             groups,
-            known=[np.zeros((0, self._end)), *[g.rows.results[:, : self._end] for g in groups]],
-            others=tuple(other if other < len(swarm.members) else None for other, _ in each),
-            half=np.array([part is RowPart.HALF for _, part in each], dtype=np.bool_),
+            results=[np.zeros((0, self._end)), *[g.rows.results[:, : self._end] for g in groups]],
+            others=tuple(other if other < len(swarm.members) else None for other, _ in entries),
+            half=np.array([part is RowPart.HALF for _, part in entries], dtype=np.bool_),
         )
 
     def _terms(self, chosen: _Chosen) -> PairTerms:
         """The results of all groups, one after the other."""
         q, end = self._swarm.degree, self._end
-        numbers = np.concatenate(chosen.known)
+        numbers = np.concatenate(chosen.results)
         unforced, most, margin = numbers[:, q : q + 3].T
         return PairTerms(
             psi=numbers[:, :q],
@@ -240,10 +240,10 @@ def _most(pair: OwnPair) -> ca.SX:
     composed = pair.chain.set
     member = composed.members[pair.other]
     x = composed.x[composed.parts[pair.other]]
-    known = constant_polytope(*member.dynamics.input_polytope(x))
-    if known is None:
+    polytope = constant_polytope(*member.dynamics.input_polytope(x))
+    if polytope is None:
         raise ValueError(
             f"safety.composition: expected input bounds of {member.name} that do not depend on "
             "its state, which one row for each pair needs"
         )
-    return ca.mmax(ca.DM(known.corners) @ pair.chain.actuation[pair.other].T)
+    return ca.mmax(ca.DM(polytope.corners) @ pair.chain.actuation[pair.other].T)

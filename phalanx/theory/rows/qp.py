@@ -18,7 +18,7 @@ from phalanx.theory.models.polytope import Box, Polytope
 from phalanx.theory.rows.osqp_without_scipy import compiled_part, without_scipy
 from phalanx.theory.rows.row import Row, Rows
 
-Places = NDArray[np.integer[Any]]
+Indices = NDArray[np.integer[Any]]
 
 _OSQP = compiled_part()
 """Loaded before the programs are forked, so that they share it."""
@@ -92,14 +92,14 @@ class _Columns(NamedTuple):
 
     shape: tuple[int, int]
     nnz: int
-    indptr: Places
-    """First place of each column."""
-    indices: Places
+    indptr: Indices
+    """First index of each column."""
+    indices: Indices
     """Row of each number."""
     data: Array
 
 
-def _columns(values: Array, rows: Places, height: int) -> _Columns:
+def _columns(values: Array, rows: Indices, height: int) -> _Columns:
     """A matrix of columns with equally many numbers; values and their rows have one shape."""
     count, width = values.shape
     begins = np.arange(0, count * width + 1, count, dtype=np.int32)
@@ -148,10 +148,10 @@ class NearestInput:
         return self._solved(u_nom, polytope, row)
 
     def _in_box(self, u_nom: Array, box: Box, row: Row) -> Array | None:
-        (low, high), a, wanted = box.ends, row.a.tolist(), u_nom.tolist()
-        if max(map(abs, wanted)) > _FARTHEST:
-            wanted = _within_reach(u_nom, box).tolist()
-        u = nearest_in_box(wanted, self._metric, low, high, a, row.bound, TOLERANCE)
+        (low, high), a, nominal = box.ends, row.a.tolist(), u_nom.tolist()
+        if max(map(abs, nominal)) > _FARTHEST:
+            nominal = _within_reach(u_nom, box).tolist()
+        u = nearest_in_box(nominal, self._metric, low, high, a, row.bound, TOLERANCE)
         return None if u is None else np.array(u)
 
     def _solved(self, u_nom: Array, polytope: Polytope, row: Row | Rows | None) -> Array | None:
@@ -163,8 +163,8 @@ class NearestInput:
             # holds never binds.
             scale = np.where(sizes > 0.0, sizes, 1.0)
             bound = np.minimum(bound / scale, INFINITY)
-            known = (sizes < np.inf) & (bound > -INFINITY)
-            if (bound[sizes == 0.0] < 0.0).any() or not known.all():
+            finite = (sizes < np.inf) & (bound > -INFINITY)
+            if (bound[sizes == 0.0] < 0.0).any() or not finite.all():
                 return None
             A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
             allowed = np.concatenate((allowed, bound + TOLERANCE))

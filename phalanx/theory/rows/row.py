@@ -110,8 +110,8 @@ def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
         i: the agent.
         normal: those that keep a share.
     """
-    place = list(normal).index(i)
-    share = shares(terms, normal)[place] * -joint_sum(terms, normal)
+    index = list(normal).index(i)
+    share = shares(terms, normal)[index] * -joint_sum(terms, normal)
     return Row(terms.c[i], terms.least[i] + float(share))
 
 

@@ -63,8 +63,8 @@ def build_chain(
     """
     psi = composed.h_tot
     chain = [psi]
-    for degree, given in enumerate(alphas, start=1):
-        alpha = given if isinstance(given, ClassK) else Linear(given)
+    for degree, entry in enumerate(alphas, start=1):
+        alpha = entry if isinstance(entry, ClassK) else Linear(entry)
         gradients, drifts, actuations = lie_derivatives(composed, psi)
         appeared = [a.nnz() > 0 for a in actuations]
         if inputs_appear(composed.members, appeared, degree, len(alphas)):
@@ -92,13 +92,13 @@ class LieDerivatives(NamedTuple):
 
 def lie_derivatives(composed: ComposedSet, value: ca.SX) -> LieDerivatives:
     """Differentiate an expression of the members' states."""
-    each = []
+    derivatives = []
     for member, part in zip(composed.members, composed.parts, strict=True):
         x, dynamics = composed.x[part], member.dynamics
         gradient = ca.jacobian(value, x)
         actuation = ca.sparsify(ca.simplify(gradient @ dynamics.actuation(x)))
-        each.append((gradient, gradient @ dynamics.drift(x), actuation))
-    return LieDerivatives(*zip(*each, strict=True))
+        derivatives.append((gradient, gradient @ dynamics.drift(x), actuation))
+    return LieDerivatives(*zip(*derivatives, strict=True))
 
 
 def disturbance_bound(

@@ -80,15 +80,15 @@ def require_class_k(alpha: ClassK) -> None:
     (zero,) = at(np.zeros(1)).tolist()
     if zero != 0.0:
         raise _mistaken(alpha, "α(0) = 0", zero)
-    places = np.concatenate([-_SCALES[::-1], [0.0], _SCALES])
+    points = np.concatenate([-_SCALES[::-1], [0.0], _SCALES])
     # Infinite values cannot be compared.
-    places = places[~np.isinf(at(places))]
-    low, high = places[:-1], places[1:]
+    points = points[~np.isinf(at(points))]
+    low, high = points[:-1], points[1:]
     rise = at(high) - at(low)
     # The negation catches NaN too.
     for k in np.flatnonzero(~(rise > 0.0))[:1]:
-        found = tuple(at(places[k : k + 2]).tolist())
-        raise _mistaken(alpha, f"α({low[k]:.3g}) < α({high[k]:.3g})", found)
+        values = tuple(at(points[k : k + 2]).tolist())
+        raise _mistaken(alpha, f"α({low[k]:.3g}) < α({high[k]:.3g})", values)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
@@ -100,9 +100,9 @@ def require_class_k(alpha: ClassK) -> None:
         steepest = np.argsort(-np.abs(at(high) - at(low)))[:_MOST_PLACES]
         low, high, rise = low[steepest], high[steepest], rise[steepest]
     for k in np.flatnonzero(~(np.abs(at(high) - at(low)) <= _NO_JUMP * rise))[:1]:
-        found = tuple(at(np.array([low[k], high[k]])).tolist())
-        place = min(low[k], high[k], key=abs)
-        raise _mistaken(alpha, f"α without a jump at {place:.6g}", found)
+        values = tuple(at(np.array([low[k], high[k]])).tolist())
+        point = min(low[k], high[k], key=abs)
+        raise _mistaken(alpha, f"α without a jump at {point:.6g}", values)
 
 
 def _mistaken(alpha: ClassK, expected: str, got: object) -> MistakenMethodError:

@@ -106,12 +106,12 @@ class HeadingAware:
     unit = "m"
 
     def between(self, a: Body, b: Body) -> ca.SX:
-        apart = ca.norm_2(a.p - b.p)
-        away = (a.p - b.p) / apart
+        distance = ca.norm_2(a.p - b.p)
+        away = (a.p - b.p) / distance
         cosine = _heading(a, away)
         if not b.adversary:
             cosine = (cosine + _heading(b, -away)) / 2
-        return self.radius + self.kappa * (1 - cosine) - apart
+        return self.radius + self.kappa * (1 - cosine) - distance
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         cosine = _heading(a, obstacle.away(a.p))
@@ -151,9 +151,9 @@ def proven_reach(function: SafeSetFunction) -> Reaching | None:
 
     With a reach that is too short, unsafe pairs would be missing in verdict and certificates.
     """
-    for known in _PROVEN:
-        own = (getattr(type(function), name, None) is getattr(known, name) for name in _METHODS)
-        if isinstance(function, known) and all(own):
+    for proven in _PROVEN:
+        same = (getattr(type(function), name, None) is getattr(proven, name) for name in _METHODS)
+        if isinstance(function, proven) and all(same):
             return function
     return None
 

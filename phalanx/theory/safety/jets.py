@@ -73,11 +73,11 @@ class LogSumExpJets:
             h: h, L_f h, ..., L_f^{q-1} h of each, shape (s, r, q).
         """
         weights, s = [w], [h_tot]
-        each = [h[..., k] for k in range(self._degree)]
+        derivatives = [h[..., k] for k in range(self._degree)]
         for k in range(self._degree - 1):
             # Summed from left to right, so that pairs of weight 0 change no digit.
-            s.append(np.add.accumulate(_leibniz(k, weights, each[1:]), axis=1)[:, -1])
-            off = [each[j] - s[j][:, None] for j in range(1, k + 2)]
+            s.append(np.add.accumulate(_leibniz(k, weights, derivatives[1:]), axis=1)[:, -1])
+            off = [derivatives[j] - s[j][:, None] for j in range(1, k + 2)]
             weights.append(self._rho * _leibniz(k, weights, off))
         rows = np.column_stack(s)
         return self._psi(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
@@ -89,8 +89,8 @@ class LogSumExpJets:
         vectors does not grow with the number of pairs.
         """
         q, rho = self._degree, self._rho
-        given = ca.MX.sym("h", q + 1, pairs)
-        h = [given[k, :] for k in range(q + 1)]
+        columns = ca.MX.sym("h", q + 1, pairs)
+        h = [columns[k, :] for k in range(q + 1)]
         sigma = ca.mmax(h[0])
         with as_written():
             exponentials: ca.MX = exponential.exp(rho * (h[0] - sigma))
@@ -103,7 +103,7 @@ class LogSumExpJets:
         chain = self._chain(ca.vertcat(*s))
         slopes = [chain[q + 1 + k] for k in range(q)]
         weights = [sum(slopes[k] * comb(k, j) * w[k - j] for k in range(j, q)) for j in range(q)]
-        return ca.Function("composition", [given], [chain[: q + 1], ca.vertcat(*weights)])
+        return ca.Function("composition", [columns], [chain[: q + 1], ca.vertcat(*weights)])
 
 
 def _leibniz(k: int, a: Sequence[Any], b: Sequence[Any]) -> Any:
@@ -116,8 +116,8 @@ def _psi_of_sum(s: ca.SX, alphas: Sequence[ClassK], xi: float) -> list[ca.SX]:
     psi, q = [s[0]], len(alphas)
     for degree, alpha in enumerate(alphas, start=1):
         drift = ca.jacobian(psi[-1], s[:q]) @ s[1:]
-        known = xi if degree == 1 and q > 1 else 0.0
-        psi.append(drift + known + alpha.value(psi[-1]))
+        disturbance = xi if degree == 1 and q > 1 else 0.0
+        psi.append(drift + disturbance + alpha.value(psi[-1]))
     return psi
 
 

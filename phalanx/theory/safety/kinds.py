@@ -49,12 +49,12 @@ class PairKind:
         """Serialized h and dynamics of the members: different for different kinds."""
         pair = self.pair
         parts = [pair.h]
-        for member, own in zip(pair.members, pair.parts, strict=True):
-            x, dynamics = pair.x[own], member.dynamics
+        for member, index in zip(pair.members, pair.parts, strict=True):
+            x, dynamics = pair.x[index], member.dynamics
             parts += [dynamics.drift(x), ca.vec(ca.densify(dynamics.actuation(x)))]
         outputs = [ca.densify(part) for part in parts]
-        found: str = ca.Function("kind", [ca.vertcat(*self._row)], outputs).serialize()
-        return found
+        text: str = ca.Function("kind", [ca.vertcat(*self._row)], outputs).serialize()
+        return text
 
     @cached_property
     def h(self) -> MappedFunction:
@@ -75,12 +75,12 @@ class PairKind:
     def shared(self) -> SharedJets:
         """The jets with the terms of one member alone factored out."""
         jets = [ca.vec(each.T) for each in map(ca.densify, self._jets())]
-        x = [self.pair.x[own] for own in self.pair.parts]
+        x = [self.pair.x[index] for index in self.pair.parts]
         parts, symbols, rest = factor_out(x, self.pair.parameters, ca.vertcat(*jets))
         return SharedJets(
             tuple(
-                MappedFunction([own], [part]) if part.numel() else None
-                for own, part in zip(x, parts, strict=True)
+                MappedFunction([state], [part]) if part.numel() else None
+                for state, part in zip(x, parts, strict=True)
             ),
             MappedFunction([*self._row, *symbols], [rest]),
         )
@@ -97,23 +97,24 @@ class PairKind:
 
 def _along_drift(pair: ComposedSet, degree: int) -> list[ca.SX]:
     """h, L_f h, ..., L_f^degree h."""
-    x = [pair.x[own] for own in pair.parts]
-    f = [member.dynamics.drift(own) for member, own in zip(pair.members, x, strict=True)]
-    found = [pair.h]
+    x = [pair.x[index] for index in pair.parts]
+    f = [member.dynamics.drift(state) for member, state in zip(pair.members, x, strict=True)]
+    derivatives = [pair.h]
     for _ in range(degree):
-        rates = [ca.jacobian(found[-1], own) @ drift for own, drift in zip(x, f, strict=True)]
-        found.append(sum(rates, ca.SX(0)))
-    return found
+        last = derivatives[-1]
+        rates = [ca.jacobian(last, state) @ drift for state, drift in zip(x, f, strict=True)]
+        derivatives.append(sum(rates, ca.SX(0)))
+    return derivatives
 
 
 def _forces(pair: ComposedSet, degree: int) -> list[ca.SX]:
     """L_{g_l} L_f^{degree-1} h of each member, shapes (1, m_l)."""
-    last, found = _along_drift(pair, degree - 1)[-1], []
-    for member, own in zip(pair.members, pair.parts, strict=True):
-        x = pair.x[own]
+    last, forces = _along_drift(pair, degree - 1)[-1], []
+    for member, index in zip(pair.members, pair.parts, strict=True):
+        x = pair.x[index]
         gain = ca.jacobian(last, x) @ member.dynamics.actuation(x)
-        found.append(ca.sparsify(ca.simplify(gain)))
-    return found
+        forces.append(ca.sparsify(ca.simplify(gain)))
+    return forces
 
 
 def _of_spheres(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> ComposedSet | None:
@@ -132,8 +133,8 @@ def _of_spheres(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
             of_this = ca.Function("h", [pair.x], [h])
             for factor in _TRIED:
                 x = factor * np.arange(1.0, pair.x.numel() + 1.0)
-                found, expected = float(of_any(x, parameters_of(sphere))), float(of_this(x))
-                if not abs(found - expected) <= _EQUAL * (1.0 + abs(expected)):
+                value, expected = float(of_any(x, parameters_of(sphere))), float(of_this(x))
+                if not abs(value - expected) <= _EQUAL * (1.0 + abs(expected)):
                     return None
     except Exception:  # of a user's function, which is called again with the sphere itself
         return None
@@ -163,14 +164,14 @@ def parameters_of(obstacle: Static) -> Array:
 
 
 def member_classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
-    """Classes of members of equal motion, states and side: the first of each; each one's class."""
+    """Classes of equal motion, states and side: the first of each; then every member's class."""
     texts = motion_texts([m.dynamics for m in members])
-    each = [
+    keys = [
         (text, tuple(m.dynamics.states), m.adversary)
         for text, m in zip(texts, members, strict=True)
     ]
-    classes = {key: number for number, key in enumerate(dict.fromkeys(each))}
-    return [members[each.index(key)] for key in classes], np.array([classes[key] for key in each])
+    classes = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return [members[keys.index(key)] for key in classes], np.array([classes[key] for key in keys])
 
 
 def kind_table(
@@ -184,21 +185,21 @@ def kind_table(
     kinds: list[PairKind] = []
     by_text: dict[str, int] = {}
     table = np.full((len(classes), len(classes) + len(obstacles)), -1)
-    for a, own in enumerate(classes):
-        if own.adversary:
+    for a, member in enumerate(classes):
+        if member.adversary:
             continue
         sides = [
-            (b, PairKind(of_pair(own, other, function), degree))
+            (b, PairKind(of_pair(member, other, function), degree))
             for b, other in enumerate(classes)
             # In a pair of two normal members the lower index comes first.
             if other.adversary or (of_member == a).argmax() < np.flatnonzero(of_member == b)[-1]
         ]
         spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
-        of_any = _of_spheres(own, spheres, function) if spheres else None
+        of_any = _of_spheres(member, spheres, function) if spheres else None
         shared = of_any and PairKind(of_any, degree)
         for b, obstacle in enumerate(obstacles, start=len(classes)):
             kind = shared if isinstance(obstacle, Sphere) else None
-            sides.append((b, kind or PairKind(of_pair(own, obstacle, function), degree)))
+            sides.append((b, kind or PairKind(of_pair(member, obstacle, function), degree)))
         for b, kind in sides:
             table[a, b] = by_text.setdefault(kind.text, len(kinds))
             if table[a, b] == len(kinds):

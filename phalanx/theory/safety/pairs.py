@@ -26,7 +26,7 @@ from phalanx.theory.safety.obstacles import Sphere
 
 
 class SwarmPairs:
-    """The pairs of a swarm: the kind of each, and the places of its numbers."""
+    """The pairs of a swarm: the kind of each, and the indices of its numbers."""
 
     def __init__(
         self,
@@ -55,9 +55,9 @@ class SwarmPairs:
         self.parameters: Array = np.concatenate([np.zeros(0), *numbers])
         """The parameters of all obstacles, one after the other."""
         self.begin: Index = _begins([*states, *map(len, numbers)])
-        """First place of each member's state and of each obstacle's parameters."""
+        """First index of each member's state and of each obstacle's parameters."""
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
-        """First place of each member's input in the stack of all."""
+        """First index of each member's input in the stack of all."""
 
     def with_obstacles(self, obstacles: Sequence[Static]) -> "SwarmPairs":
         """The same pairs with obstacles of which at most the numbers of spheres differ."""
@@ -66,20 +66,20 @@ class SwarmPairs:
         other.parameters = np.concatenate([np.zeros(0), *map(parameters_of, obstacles)])
         return other
 
-    def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
+    def among(self, in_sight: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot among these members and obstacles, shape (r, 2).
 
         They come in the order of ComposedSet.pairs.
 
         Args:
-            seen: members, in ascending order.
+            in_sight: members, in ascending order.
             obstacles: None for all.
         """
-        members, known = np.array(seen, dtype=np.intp), len(self._normal)
+        members, count = np.array(in_sight, dtype=np.intp), len(self._normal)
         normal = members[self._normal[members]]
         others = members[~self._normal[members]]
-        around = range(len(self._class) - known) if obstacles is None else obstacles
-        near = known + np.array(around, dtype=np.intp)
+        around = range(len(self._class) - count) if obstacles is None else obstacles
+        near = count + np.array(around, dtype=np.intp)
         first, second = np.triu_indices(len(normal), 1)
         friends = np.stack([normal[first], normal[second]], axis=1)
         mixed = [
@@ -99,9 +99,9 @@ class SwarmPairs:
         order = np.argsort(kinds, kind="stable")
         return ChosenPairs(self, pairs[order], kinds[order], order)
 
-    def of(self, i: int, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
+    def of(self, i: int, in_sight: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """Normal member i's pairs among these members and obstacles, as `among` lists them."""
-        pairs = self.among(seen, obstacles)
+        pairs = self.among(in_sight, obstacles)
         found: Index = pairs[(pairs == i).any(axis=1)]
         return found
 
@@ -111,7 +111,7 @@ class SwarmPairs:
         return (other, i) if friend and other < i else (i, other)
 
     def kinds_of(self, pairs: Index) -> Index:
-        """The place in `kinds` of each pair's kind, shape (r,)."""
+        """The index in `kinds` of each pair's kind, shape (r,)."""
         found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
         return found
 
@@ -122,13 +122,13 @@ class SwarmPairs:
 
     def alone(self, a: int, b: int) -> ComposedSet:
         """A pair as a safe set of its own; a sphere's numbers are symbols where its kind allows."""
-        own = self.members[a]
+        member = self.members[a]
         if b < len(self.members):
-            return of_pair(own, self.members[b], self._function)
+            return of_pair(member, self.members[b], self._function)
         obstacle = self.obstacles[b - len(self.members)]
         if isinstance(obstacle, Sphere) and self.kind_of(a, b).pair.parameters.numel():
-            return with_any_sphere(own, obstacle, self._function)
-        return of_pair(own, obstacle, self._function)
+            return with_any_sphere(member, obstacle, self._function)
+        return of_pair(member, obstacle, self._function)
 
     def numbers(self, x: Array) -> Array:
         """Stacked states x, shape (n̄,) or (s, n̄), followed by the obstacles' parameters."""
@@ -153,63 +153,65 @@ class _Group(NamedTuple):
     """Pairs of one kind."""
 
     number: int
-    """Place in SwarmPairs.kinds."""
+    """Index in SwarmPairs.kinds."""
     kind: PairKind
     pairs: Index
     """shape (r, 2)"""
-    places: Index
-    """Places of each pair's numbers, shape (r, k)."""
+    indices: Index
+    """Indices of each pair's numbers, shape (r, k)."""
 
 
 class ChosenPairs:
     """Pairs to evaluate at any state of the swarm; to be kept while they stay the same."""
 
     def __init__(self, swarm: SwarmPairs, pairs: Index, kinds: Index, order: Index) -> None:
-        """pairs: sorted by kind. kinds: of each. order: their places before they were sorted."""
+        """pairs: sorted by kind. kinds: of each. order: their indices before they were sorted."""
         self.pairs = pairs
         """In the order of all results, shape (r, 2)."""
         self.order = order
-        """Their places among the pairs given to SwarmPairs.choose, shape (r,)."""
+        """Their indices among the arguments of SwarmPairs.choose, shape (r,)."""
         self._swarm, self.groups = swarm, list[_Group]()
         forces, slopes = [], []
         for number in np.unique(kinds).tolist():
             which = np.flatnonzero(kinds == number)
-            kind, own = swarm.kinds[number], pairs[which]
-            places = spread(swarm.begin, own, kind.pair.sizes)
+            kind, group = swarm.kinds[number], pairs[which]
+            indices = spread(swarm.begin, group, kind.pair.sizes)
             inputs = [len(member.dynamics.inputs) for member in kind.pair.members]
-            self.groups.append(_Group(number, kind, own, places))
-            forces.append((which, spread(swarm.inputs, own, inputs)))
-            slopes.append((which, places[:, : kind.pair.x.numel()]))
+            self.groups.append(_Group(number, kind, group, indices))
+            forces.append((which, spread(swarm.inputs, group, inputs)))
+            slopes.append((which, indices[:, : kind.pair.x.numel()]))
         self.force_pair, self.force_input = _flat(forces)
-        """Each force's pair, and its input's place in the stack of all; shapes (f,)."""
+        """Each force's pair, and its input's index in the stack of all; shapes (f,)."""
         self.slope_pair, self.slope_state = _flat(slopes)
-        """Each slope's pair, and its state's place in x; shapes (g,)."""
+        """Each slope's pair, and its state's index in x; shapes (g,)."""
 
     def h(self, x: Array) -> Array:
         """h at a stacked state, shape (n̄,) or (s, n̄); shape (r,) or (s, r)."""
-        found = self._evaluated(x, lambda kind: kind.h)
-        return np.concatenate([np.zeros((*x.shape[:-1], 0)), *[h[..., 0] for h in found]], axis=-1)
+        results = self._evaluated(x, lambda kind: kind.h)
+        return np.concatenate(
+            [np.zeros((*x.shape[:-1], 0)), *[h[..., 0] for h in results]], axis=-1
+        )
 
     def jets(self, x: Array) -> Jets:
         """h, its derivatives along the drift and the inputs' part in the last; x as for h."""
         above, lead = self._swarm.degree + 1, x.shape[:-1]
-        found = self._evaluated(x, lambda kind: kind.jets)
-        h = [np.zeros((*lead, 0, above)), *[jet[..., :above] for jet in found]]
-        forces = [np.zeros((*lead, 0)), *[jet[..., above:].reshape(*lead, -1) for jet in found]]
+        results = self._evaluated(x, lambda kind: kind.jets)
+        h = [np.zeros((*lead, 0, above)), *[jet[..., :above] for jet in results]]
+        forces = [np.zeros((*lead, 0)), *[jet[..., above:].reshape(*lead, -1) for jet in results]]
         return Jets(np.concatenate(h, axis=-2), np.concatenate(forces, axis=-1))
 
     def slopes(self, x: Array) -> Array:
         """∂(L_f^k h)/∂x_l for k = 0 ... q-1, shape (q, g): by pair and state of its members."""
         q = self._swarm.degree
-        found = self._evaluated(x, lambda kind: kind.gradients)
-        each = [
-            slopes.reshape(len(slopes), q, -1).swapaxes(0, 1).reshape(q, -1) for slopes in found
+        results = self._evaluated(x, lambda kind: kind.gradients)
+        blocks = [
+            slopes.reshape(len(slopes), q, -1).swapaxes(0, 1).reshape(q, -1) for slopes in results
         ]
-        return np.concatenate([np.zeros((q, 0)), *each], axis=1)
+        return np.concatenate([np.zeros((q, 0)), *blocks], axis=1)
 
     def _evaluated(self, x: Array, function: Callable[[PairKind], MappedFunction]) -> list[Array]:
         numbers = self._swarm.numbers(x)
-        return [function(group.kind)(numbers, group.places) for group in self.groups]
+        return [function(group.kind)(numbers, group.indices) for group in self.groups]
 
 
 def _begins(sizes: Sequence[int]) -> Index:
@@ -217,7 +219,7 @@ def _begins(sizes: Sequence[int]) -> Index:
 
 
 def spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
-    """Places of all numbers of each pair, whose side s has sizes[s] numbers."""
+    """Indices of all numbers of each pair, whose side s has sizes[s] numbers."""
     sides = [
         begin[side][:, None] + np.arange(size) for side, size in zip(pairs.T, sizes, strict=False)
     ]
@@ -225,12 +227,12 @@ def spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
 
 
 def _flat(groups: Sequence[tuple[Index, Index]]) -> tuple[Index, Index]:
-    """The pair of each number, and its place, over all groups."""
-    pairs = [np.repeat(places, index.shape[1]) for places, index in groups]
+    """The pair of each number, and its index, over all groups."""
+    pairs = [np.repeat(which, indices.shape[1]) for which, indices in groups]
     nothing = np.zeros(0, dtype=np.intp)
     return (
         np.concatenate([nothing, *pairs]),
-        np.concatenate([nothing, *[index.ravel() for _, index in groups]]),
+        np.concatenate([nothing, *[indices.ravel() for _, indices in groups]]),
     )
 
 
@@ -252,22 +254,22 @@ class PairFunctions:
         """
         self._swarm, self._make = swarm, make
         self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
-        self._made: dict[tuple[int, ...], MappedFunction] = {}
+        self._functions: dict[tuple[int, ...], MappedFunction] = {}
 
     def choose(self, pairs: Index) -> "ChosenFunctions":
         """Choose pairs to evaluate together, shape (r, 2)."""
         swarm = self._swarm
         sorts = np.column_stack([self._sorts[pairs], swarm.kinds_of(pairs)])
-        found, which = np.unique(sorts, axis=0, return_inverse=True)
+        keys, which = np.unique(sorts, axis=0, return_inverse=True)
         order = np.argsort(which.ravel(), kind="stable")
         groups = []
-        for number, key in enumerate(map(tuple, found.tolist())):
-            own = pairs[which.ravel() == number]
-            a, b = own[0].tolist()
+        for number, key in enumerate(map(tuple, keys.tolist())):
+            group = pairs[which.ravel() == number]
+            a, b = group[0].tolist()
             alone = swarm.alone(a, b)
-            if key not in self._made:
-                self._made[key] = self._make(alone, key[-1])
-            groups.append((self._made[key], spread(swarm.begin, own, alone.sizes)))
+            if key not in self._functions:
+                self._functions[key] = self._make(alone, key[-1])
+            groups.append((self._functions[key], spread(swarm.begin, group, alone.sizes)))
         return ChosenFunctions(swarm, pairs[order], groups)
 
 
@@ -282,4 +284,4 @@ class ChosenFunctions(NamedTuple):
     def __call__(self, x: Array) -> Array:
         """Evaluate at x, shape (n̄,) or (s, n̄); shape (r, outputs) or (s, r, outputs)."""
         numbers = self.swarm.numbers(x)
-        return np.concatenate([f(numbers, places) for f, places in self.groups], axis=-2)
+        return np.concatenate([f(numbers, indices) for f, indices in self.groups], axis=-2)

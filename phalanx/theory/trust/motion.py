@@ -82,8 +82,8 @@ class MotionCheck:
         ends = np.concatenate([before, u.min(axis=1), u.max(axis=1)], axis=1)
         rows = np.concatenate([np.repeat(ends, parts, axis=0), u.reshape(w * parts, -1)], axis=1)
         rows = np.column_stack([rows, np.repeat(times, parts)])
-        found = self._rates(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
-        box = found.reshape(w, parts, -1)
+        rates = self._rates(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
+        box = rates.reshape(w, parts, -1)
         shares = (seconds / times[:, None])[..., None]
         low, high = ((shares * side).sum(axis=1) for side in (box[..., :n], box[..., n:-1]))
         moved = (after - before) / times[:, None]
@@ -93,8 +93,8 @@ class MotionCheck:
         off = 2.0 * self._error + _ROUNDED * (seconds > 0.0).sum(axis=1) * ends_of
         allowed = self._bound * (1.0 + _ROUNDING) + _ROUNDING * size + off / times
         beyond = np.sqrt((outside * outside).sum(axis=1)) - allowed
-        known = (box[..., -1] > 0.5).all(axis=1) & np.isfinite(beyond)
-        return np.where(known, beyond, -np.inf)
+        proven = (box[..., -1] > 0.5).all(axis=1) & np.isfinite(beyond)
+        return np.where(proven, beyond, -np.inf)
 
 
 @outwards()
@@ -124,6 +124,6 @@ def _rates(dynamics: Dynamics, bound: float, error: float) -> MappedFunction:
     for start, a, b in zip(starts, final, box, strict=True):
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
-    found = extend(ca.vertsplit(rate), symbols, [*final, *map(point, ca.vertsplit(held))])
-    low, high = (ca.vertcat(*side) for side in zip(*found, strict=True))
+    box_rates = extend(ca.vertsplit(rate), symbols, [*final, *map(point, ca.vertsplit(held))])
+    low, high = (ca.vertcat(*side) for side in zip(*box_rates, strict=True))
     return MappedFunction([x, least, most, held, horizon], [low, high, certain])

@@ -18,10 +18,10 @@ def test_fewer_points_keep_every_peak() -> None:
     y = np.sin(np.linspace(0.0, 30.0, 100_001))
     y[[777, 50_000]] = 9.0, -9.0
     y[20_000:40_000] = np.nan
-    found = kept(y, 400)
-    assert len(found) <= 400
-    assert {0, 777, 50_000, 100_000} <= set(found.tolist())
-    assert np.isnan(y[found]).any()
+    indices = kept(y, 400)
+    assert len(indices) <= 400
+    assert {0, 777, 50_000, 100_000} <= set(indices.tolist())
+    assert np.isnan(y[indices]).any()
     assert list(kept(y[:300], 400)) == list(range(300))
 
 
@@ -29,10 +29,10 @@ def test_fewer_points_keep_every_peak() -> None:
 def test_one_side_alone_keeps_its_peaks_and_not_the_others(side, spike, other) -> None:
     y = np.zeros(100_001)
     y[[777, 888]] = 9.0, -9.0
-    found = kept(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
-    assert spike in found
-    assert other not in found
-    assert len(found) <= 400
+    indices = kept(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
+    assert spike in indices
+    assert other not in indices
+    assert len(indices) <= 400
 
 
 def test_without_curves_an_envelope_has_no_interval() -> None:
@@ -40,28 +40,28 @@ def test_without_curves_an_envelope_has_no_interval() -> None:
 
 
 def test_of_curves_apart_each_quantile_is_a_curve() -> None:
-    found = envelope(curves(101, 4))
-    assert found.values.shape == (len(QUANTILES), 4)
-    np.testing.assert_array_equal(found.values[:, 0], [0, 10, 50, 90, 100])
-    np.testing.assert_array_equal(found.values[:, 3], [300, 310, 350, 390, 400])
-    np.testing.assert_array_equal(found.edges[1:, 0], found.edges[:-1, 1])
+    bands = envelope(curves(101, 4))
+    assert bands.values.shape == (len(QUANTILES), 4)
+    np.testing.assert_array_equal(bands.values[:, 0], [0, 10, 50, 90, 100])
+    np.testing.assert_array_equal(bands.values[:, 3], [300, 310, 350, 390, 400])
+    np.testing.assert_array_equal(bands.edges[1:, 0], bands.edges[:-1, 1])
 
 
 def test_no_peak_is_lost_however_few_intervals_there_are() -> None:
     rng = np.random.default_rng(1)
     t, values = rng.uniform(0.0, 9.0, 50_000), rng.normal(size=50_000)
     values[[7, 4_321]] = -40.0, 50.0
-    found = envelope([Series(t, values)])
-    assert len(found.edges) <= 300
-    assert (found.values[0].min(), found.values[-1].max()) == (-40.0, 50.0)
-    assert (np.diff(found.values, axis=0) >= 0.0).all()
+    bands = envelope([Series(t, values)])
+    assert len(bands.edges) <= 300
+    assert (bands.values[0].min(), bands.values[-1].max()) == (-40.0, 50.0)
+    assert (np.diff(bands.values, axis=0) >= 0.0).all()
 
 
 def test_what_is_not_a_number_and_an_interval_without_values_are_left_out() -> None:
     t = np.array([0.0, 0.1, 5.0, 9.9, 10.0, 10.0])
-    found = envelope([Series(t, np.array([1.0, 3.0, np.nan, 5.0, 5.0, 5.0]))])
-    np.testing.assert_array_equal(found.edges, [[0.0, 10.0 / 3.0], [20.0 / 3.0, 10.0]])
-    np.testing.assert_array_equal(found.values[[0, -1]], [[1.0, 5.0], [3.0, 5.0]])
+    bands = envelope([Series(t, np.array([1.0, 3.0, np.nan, 5.0, 5.0, 5.0]))])
+    np.testing.assert_array_equal(bands.edges, [[0.0, 10.0 / 3.0], [20.0 / 3.0, 10.0]])
+    np.testing.assert_array_equal(bands.values[[0, -1]], [[1.0, 5.0], [3.0, 5.0]])
     nothing = envelope([Series(np.zeros(2), np.full(2, np.nan))])
     assert nothing.values.shape == (len(QUANTILES), 0)
 

@@ -63,8 +63,8 @@ def test_an_agent_that_subscribes_to_everybodys_broadcasts_hears_its_own_alone()
         opened("4") as listening,
         opened("5") as speaking,
     ):
-        wanted = KEYS.broadcast("*", "*"), KEYS.broadcast("5", "6"), KEYS.everything, "**"
-        for key in (*wanted, KEYS.broadcast("*", "4")):
+        keys = KEYS.broadcast("*", "*"), KEYS.broadcast("5", "6"), KEYS.everything, "**"
+        for key in (*keys, KEYS.broadcast("*", "4")):
             listening.declare_subscriber(key, lambda sample: heard.put(str(sample.key_expr)))
         last = speaking.declare_publisher(KEYS.broadcast("5", "4"))
         wait_for(lambda: last.matching_status.matching)
@@ -77,8 +77,8 @@ def test_an_agent_that_subscribes_to_everybodys_broadcasts_hears_its_own_alone()
 def test_a_viewer_gets_nothing_that_is_waited_for():
     """Else one that stops to read would hold up those who put it."""
     waited_for = (KEYS.sample("4"), KEYS.actuation("4"), KEYS.telemetry("4"))
-    (seen,) = (r for r in rules_of(VIEWER) if r["flows"] == ["egress"] and r["messages"] == ["put"])
-    expressions = [zenoh.KeyExpr(key) for key in seen["key_exprs"]]
+    (rule,) = (r for r in rules_of(VIEWER) if r["flows"] == ["egress"] and r["messages"] == ["put"])
+    expressions = [zenoh.KeyExpr(key) for key in rule["key_exprs"]]
     for key in (*waited_for, KEYS.broadcast("4", "5"), KEYS.command):
         assert not any(e.intersects(zenoh.KeyExpr(key)) for e in expressions)
         assert any(e.includes(zenoh.KeyExpr(KEYS.copy(key))) for e in expressions)

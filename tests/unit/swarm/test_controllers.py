@@ -233,18 +233,18 @@ def test_inputs_outside_its_polytope_are_projected_and_counted():
     inputs = run("none", "unicycles").inputs
     projected = inputs.filter(inputs["origin"] == Origin.PROJECTED)
     assert len(projected)
-    wanted, applied = projected["nominal.omega"].abs(), projected["u.omega"].abs()
-    assert (wanted > 2.0).all()
+    nominal, applied = projected["nominal.omega"].abs(), projected["u.omega"].abs()
+    assert (nominal > 2.0).all()
     assert (applied == 2.0).all()
 
 
 def test_what_it_asks_for_is_the_certificate_of_the_verdict():
     scenario = load("unicycles", {"agents.0.controller.type": "keeping:Looking", "duration": 0.1})
-    made = phalanx.run(scenario, engine="in-process").inputs
+    inputs = phalanx.run(scenario, engine="in-process").inputs
     import keeping
 
     asked = {(str(view.i + 1), view.t): found for view, found in keeping.seen}
-    for row in made.filter(made["origin"] == Origin.CONTROLLER).iter_rows(named=True):
+    for row in inputs.filter(inputs["origin"] == Origin.CONTROLLER).iter_rows(named=True):
         assert asked[row["agent"], row["t"]] == row["certified"]
 
 

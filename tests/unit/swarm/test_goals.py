@@ -141,15 +141,15 @@ class Circle:
 
 
 def test_a_users_reference_is_followed():
-    own = {"type": "tests.unit.swarm.test_goals:Circle", "kind": "right"}
-    (end,) = last_positions(scenario_of("single-integrator", [[1.0, 0.0]], [own]))
+    circle = {"type": "tests.unit.swarm.test_goals:Circle", "kind": "right"}
+    (end,) = last_positions(scenario_of("single-integrator", [[1.0, 0.0]], [circle]))
     assert end == pytest.approx([np.cos(12.0), np.sin(12.0)], abs=0.05)
 
 
 @pytest.mark.parametrize("kind", ["flat", "list"])
 def test_a_users_mistaken_reference_is_one_line_before_the_run(kind):
-    own = {"type": "tests.unit.swarm.test_goals:Circle", "kind": kind}
-    swarm = build_swarm(load(scenario_of("single-integrator", [[1.0, 0.0]], [own])))
+    circle = {"type": "tests.unit.swarm.test_goals:Circle", "kind": kind}
+    swarm = build_swarm(load(scenario_of("single-integrator", [[1.0, 0.0]], [circle])))
     with pytest.raises(
         ScenarioError, match=r"goals: Circle\.goal: expected a Goal .* for agent a0"
     ):

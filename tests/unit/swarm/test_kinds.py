@@ -47,17 +47,17 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     reference = TermsFunction(chain, 1.5)
     terms = rows.composed.of(i, radius, 1.5)
     for x in states(rows, 12):
-        apart = np.linalg.norm(swarm.positions(x) - swarm.positions(x)[i], axis=1)
-        seen = np.flatnonzero(apart <= (radius or np.inf)).tolist()
-        found, expected = terms(x, seen), reference(x)
-        if found.psi[0] == FAR:
+        distances = np.linalg.norm(swarm.positions(x) - swarm.positions(x)[i], axis=1)
+        visible = np.flatnonzero(distances <= (radius or np.inf)).tolist()
+        values, expected = terms(x, visible), reference(x)
+        if values.psi[0] == FAR:
             continue
-        assert found.psi == pytest.approx(expected.psi, **close)
-        assert found.unforced == pytest.approx(expected.unforced, **close)
-        for l in seen:
-            assert found.c[l] == pytest.approx(expected.c[l], **close)
-            assert found.least[l] == pytest.approx(expected.least[l], **close)
-            assert found.most[l] == pytest.approx(expected.most[l], **close)
+        assert values.psi == pytest.approx(expected.psi, **close)
+        assert values.unforced == pytest.approx(expected.unforced, **close)
+        for l in visible:
+            assert values.c[l] == pytest.approx(expected.c[l], **close)
+            assert values.least[l] == pytest.approx(expected.least[l], **close)
+            assert values.most[l] == pytest.approx(expected.most[l], **close)
 
 
 @pytest.mark.parametrize(
@@ -76,22 +76,22 @@ def test_the_truths_largest_psi_is_that_of_the_chains_and_of_reports_and_viewers
     x, largest_psi = states(rows, 4), LargestPsi(rows)
     values = largest_psi.functions.choose(every)(x)
     total = LogSumExp(rows.swarm.safety.rho, len(every))
-    found = largest_psi(x, values, np.full(4, -np.inf), total(values[..., 0]))
+    higher_psi = largest_psi(x, values, np.full(4, -np.inf), total(values[..., 0]))
     if rows.relative_degree == 1:
-        assert found.shape == (0,)
+        assert higher_psi.shape == (0,)
         return
-    drawn = [SafetyValues(rows).higher_psi(state).item() for state in x]
-    assert found == pytest.approx(drawn, rel=1e-11)
+    reported = [SafetyValues(rows).higher_psi(state).item() for state in x]
+    assert higher_psi == pytest.approx(reported, rel=1e-11)
     chains = [rows.chain]
     if rows.swarm.safety.pairwise:
         chains = [rows.pair_chain(k) for k in range(len(composed.pairs))]
     largest = []
     for chain in chains:
         members = [rows.swarm.names.index(m.name) for m in chain.set.members]
-        own = np.concatenate([np.r_[composed.parts[l]] for l in members])
+        indices = np.concatenate([np.r_[composed.parts[l]] for l in members])
         psi = ca.Function("psi", [chain.set.x], [chain.set.substitute(chain.psi[1])])
-        largest.append([float(psi(state[own])) for state in x])
-    assert found == pytest.approx(np.max(largest, axis=0), rel=1e-11)
+        largest.append([float(psi(state[indices])) for state in x])
+    assert higher_psi == pytest.approx(np.max(largest, axis=0), rel=1e-11)
 
 
 def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
@@ -99,10 +99,10 @@ def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
     x = pairs.swarm.start()
     assert len(pairs.invariants()(x)) == 2 * len(pairs.swarm.safe_set.pairs)
     limited = rows_of_scenario("formation3d")
-    found = limited.invariants()(x).reshape(4, 2)
-    for place, i in enumerate(limited.swarm.normal):
-        seen = limited.swarm.seen(i, x)
-        assert found[place].tolist() == limited.terms(i)(x, seen).psi.tolist()
+    psi = limited.invariants()(x).reshape(4, 2)
+    for row, i in enumerate(limited.swarm.normal):
+        in_sight = limited.swarm.seen(i, x)
+        assert psi[row].tolist() == limited.terms(i)(x, in_sight).psi.tolist()
     assert len(rows_of_scenario("unicycles").invariants()(limited.swarm.start()[:15])) == 1
 
 

@@ -32,16 +32,16 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
                 continue
             pair = rows.own_pair(i, other)
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
-            assert members[pair.own] == i
+            assert members[pair.side] == i
             parts = {RowPart.WHOLE: whole.margin[whole.others.index(other)]}
             parts[RowPart.HALF if terms.half[k] else RowPart.WHOLE] = terms.margin[k]
             assert (RowPart.HALF in parts) == (other in swarm.normal)
             phi = [bounds[l] for l in members]
-            for part, found in parts.items():
-                own = margin(pair.chain, pair.own, horizon, phi, part)
+            for part, value in parts.items():
+                expression = margin(pair.chain, pair.side, horizon, phi, part)
                 state = np.concatenate([x[swarm.safe_set.parts[l]] for l in members])
-                expected = CompiledFunction([pair.chain.set.x], [own])(state)[0]
-                assert found == pytest.approx(expected[0])
+                expected = CompiledFunction([pair.chain.set.x], [expression])(state)[0]
+                assert value == pytest.approx(expected[0])
 
 
 def test_for_q_1_the_corrected_margin_is_the_papers_and_for_q_2_no_disturbance_counts_twice():

@@ -82,7 +82,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def own(folder, monkeypatch):
+def in_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
@@ -91,8 +91,8 @@ def test_it_is_what_a_pairs_row_keeps_back():
     x, steepness = rows.swarm.start(), 2.0 * 4.0  # ∂h/∂x = -2 (x_a - x_b)
     for i in (0, 1):
         for sharing, share in (((), 1.0), (rows.swarm.normal, 0.5)):
-            (found,) = rows.pair_terms(i)(x, sharing=sharing).margin
-            assert found == pytest.approx(share * 0.06 * 2.0 * steepness + 0.25)
+            (value,) = rows.pair_terms(i)(x, sharing=sharing).margin
+            assert value == pytest.approx(share * 0.06 * 2.0 * steepness + 0.25)
 
 
 @pytest.mark.parametrize("name", MISTAKES)

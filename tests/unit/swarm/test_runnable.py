@@ -66,10 +66,10 @@ start = [[0.0, 100.0]]
 def many(tmp_path, monkeypatch):
     (tmp_path / "many_own.py").write_text(MODULE)
     names = [f"a{k}" for k in range(COUNT)]
-    places = [[2.0 * k, 0.0] for k in range(COUNT - 1)]
-    places.append([places[-1][0] + 0.9, 0.0])  # nearer to the one before it than any other two
+    points = [[2.0 * k, 0.0] for k in range(COUNT - 1)]
+    points.append([points[-1][0] + 0.9, 0.0])  # nearer to the one before it than any other two
     file = tmp_path / "many.toml"
-    file.write_text(SCENARIO.format(names=names, start=places))
+    file.write_text(SCENARIO.format(names=names, start=points))
     monkeypatch.chdir(tmp_path)
     yield lambda *overrides: build_swarm(load(file, overrides))
     sys.modules.pop("many_own", None)

@@ -48,8 +48,8 @@ def rows_with(roles: str, composition: str, tmp_path, law: str = "track-velocity
     margin = 'margin = "local"' if composition == "pairs" else "eta = 1.0"
     text = SWARM.replace("COMPOSITION", composition).replace("MARGIN", margin)
     for slot, role in enumerate(roles):
-        known = {"n": "normal", "a": "adversary"}[role]
-        text += AGENT.format(name=slot + 1, role=known, speed=2 + slot, slot=slot, law=law)
+        role_name = {"n": "normal", "a": "adversary"}[role]
+        text += AGENT.format(name=slot + 1, role=role_name, speed=2 + slot, slot=slot, law=law)
     (tmp_path / f"{roles}.toml").write_text(text)
     return build_rows(build_swarm(load(tmp_path / f"{roles}.toml")))
 

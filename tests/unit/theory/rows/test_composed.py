@@ -132,7 +132,7 @@ def test_extremes_at_many_states_are_those_of_the_polytope_at_each():
     states = rng.uniform(-3.0, 3.0, (5, composed.x.numel()))
     terms = [composed_terms("users' own", 0, None)(x) for x in states]
     members = swarm_terms("users' own").members
-    assert len(members.known) == len(composed.members) - 1
+    assert len(members.constant_polytopes) == len(composed.members) - 1
     for l, part in enumerate(composed.parts):
         c = np.array([at_state.c[l] for at_state in terms])
         expected = np.array([[at_state.least[l], at_state.most[l]] for at_state in terms])
