@@ -52,7 +52,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     names = [name for name, _, _ in recording.scenario.roster()]
     with spinner("certifying") as show:
         try:
-            found = certify_run(
+            certification = certify_run(
                 recording.scenario,
                 recording.states,
                 recording.steps,
@@ -65,11 +65,11 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
         except UncertifiableError as error:
             echo(f"not certified: {error}")
             return 1
-    _show(found, recording, turned)
-    return 0 if found and not recording.damage else 1
+    _show(certification, recording, turned)
+    return 0 if certification and not recording.damage else 1
 
 
-def _show(found: "Certification", recording: "Recording", turned: dict[str, float]) -> None:
+def _show(certification: "Certification", recording: "Recording", turned: dict[str, float]) -> None:
     from rich.console import Console
 
     from phalanx.cli.display import TextTable, styled
@@ -80,15 +80,19 @@ def _show(found: "Certification", recording: "Recording", turned: dict[str, floa
     # What is missing of a recording may hold anything.
     until = f" up to t = {recording.states[-1].t:.3f} s alone" if recording.damage else ""
     certified = styled(f"certified{until}", f"{'yellow' if until else 'green'} bold")
-    table.add_row("verdict", certified if found else styled("not certified", "red bold"))
+    table.add_row("verdict", certified if certification else styled("not certified", "red bold"))
     table.add_row("assumed", "the dynamics, and disturbances within their bounds")
     table.add_row("recording", "does not contradict them")
-    share = f"{found.certified} of {found.samples} ({found.certified / max(found.samples, 1):.2%})"
+    count, samples = certification.certified, certification.samples
+    share = f"{count} of {samples} ({count / max(samples, 1):.2%})"
     table.add_row("inputs certified until the next", share)
-    table.add_row("shortest horizon", f"{1e3 * found.horizon:.4g} ms")
+    table.add_row("shortest horizon", f"{1e3 * certification.horizon:.4g} ms")
     for name, t in turned.items():
         pairs = f"pairs of agent {name} with no normal agent, from t = {t:.6f} s on"
         table.add_row("turned, not counted", pairs)
-    if found.gap:
-        table.add_row("first not covered", f"{found.gap.pair}, from t = {found.gap.t:.6f} s on")
+    if certification.gap:
+        table.add_row(
+            "first not covered",
+            f"{certification.gap.pair}, from t = {certification.gap.t:.6f} s on",
+        )
     Console().print(table)

@@ -106,8 +106,8 @@ class Kinked(SingleIntegrator):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def own(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("own")
+def user_code(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("code")
     (folder / "certify_own.py").write_text(OWN)
     sys.path.insert(0, str(folder))
     yield
@@ -124,7 +124,7 @@ def judged(recording: Recording) -> Certification:
     return certify(recording.scenario, recording.states, recording.steps)
 
 
-def scenario(
+def small_scenario(
     dynamics: dict[str, object],
     x: list[list[float]],
     function: dict[str, object] | None = None,
@@ -164,30 +164,30 @@ def step(agent: str, t: float, u: list[float]) -> Step:
     )  # fmt: skip
 
 
-def resting(given: Scenario, x: list[list[float]], inputs: int = 2) -> Certification:
+def resting(scenario: Scenario, x: list[list[float]], inputs: int = 2) -> Certification:
     """The certification of agents that stay where they are until the end."""
     stacked = [component for state in x for component in state]
     steps = [step(name, 0.0, [0.0] * inputs) for name in ("1", "2")[: len(x)]]
-    ends = [State(t, stacked, 0.0) for t in (0.0, given.duration)]
-    return certify(given, ends, steps)
+    ends = [State(t, stacked, 0.0) for t in (0.0, scenario.duration)]
+    return certify(scenario, ends, steps)
 
 
 def test_the_papers_own_simulation_is_certified(unicycles):
-    found = judged(unicycles.recording)
-    assert found
-    assert found.certified == found.samples > 500
-    assert found.horizon >= 0.012
+    result = judged(unicycles.recording)
+    assert result
+    assert result.certified == result.samples > 500
+    assert result.horizon >= 0.012
 
 
 @pytest.mark.nightly
 def test_no_margin_is_not_certified_and_the_gap_comes_before_the_violation(tmp_path):
-    given = load("unicycles", overrides={"safety.eta": 0.0, "duration": 10.5}, seed=2)
-    done = run(given, engine="in-process", out=tmp_path)
+    scenario = load("unicycles", overrides={"safety.eta": 0.0, "duration": 10.5}, seed=2)
+    done = run(scenario, engine="in-process", out=tmp_path)
     assert done.verdict is Outcome.VIOLATED
-    found, first = judged(done.recording), done.summary.violations[0]
-    assert not found
-    assert found.gap.pair == first.pair
-    assert 0.0 < first.first - found.gap.t < 1.0
+    result, first = judged(done.recording), done.summary.violations[0]
+    assert not result
+    assert result.gap.pair == first.pair
+    assert 0.0 < first.first - result.gap.t < 1.0
 
 
 def tampered(recording: Recording, at: int, factor: float) -> list[Step]:
@@ -212,8 +212,8 @@ def test_without_disturbance_one_input_changed_by_a_percent_is_refused(tmp_path)
 def test_with_disturbances_it_may_be_one_of_theirs_and_the_certificate_is_for_it(unicycles):
     recording = unicycles.recording
     at = next(k for k, s in enumerate(recording.steps) if s.t > 1.0 and s.agent == "1")
-    found = certify(recording.scenario, recording.states, tampered(recording, at, 0.99))
-    assert found.certified == found.samples
+    result = certify(recording.scenario, recording.states, tampered(recording, at, 0.99))
+    assert result.certified == result.samples
     with pytest.raises(UncertifiableError, match=r"agent 1 moves otherwise .* t = 1\.0"):
         certify(recording.scenario, recording.states, tampered(recording, at, -1.0))
 
@@ -237,23 +237,23 @@ def test_a_smaller_disturbance_bound_than_there_was_is_refused(unicycles):
 
 def test_a_silent_agent_leaves_a_gap_where_its_last_certificate_ends(tmp_path):
     freeze = CommandPolicy(schedule=(Command(0.5, CommandKind.FREEZE, "1"),))
-    given = load("unicycles", overrides={"duration": 1.5})
-    done = run(given, engine="in-process", out=tmp_path, commands=freeze)
-    found = judged(done.recording)
+    scenario = load("unicycles", overrides={"duration": 1.5})
+    done = run(scenario, engine="in-process", out=tmp_path, commands=freeze)
+    result = judged(done.recording)
     last = max(s.t for s in done.recording.steps if s.agent == "1")
-    assert not found
-    assert "1" in found.gap.pair
-    assert found.certified == found.samples - 1
-    assert last < found.gap.t <= last + 8 * 0.012 + 1e-9
+    assert not result
+    assert "1" in result.gap.pair
+    assert result.certified == result.samples - 1
+    assert last < result.gap.t <= last + 8 * 0.012 + 1e-9
 
 
 def test_a_recording_that_ends_early_is_certified_no_further(unicycles):
     recording = unicycles.recording
     states = [s for s in recording.states if s.t <= 1.0]
     steps = [s for s in recording.steps if s.t <= 1.0]
-    found = certify(recording.scenario, states, steps)
-    assert not found
-    assert found.gap.t == states[-1].t
+    result = certify(recording.scenario, states, steps)
+    assert not result
+    assert result.gap.t == states[-1].t
 
 
 SINGLE = {"type": "single-integrator", "speed": 1.0}
@@ -265,68 +265,68 @@ JUMPING = ["if-else", "sign", "floor", "bearing", "kink", "and", "or", "not", "a
 @pytest.mark.parametrize("kind", JUMPING)
 def test_nothing_is_certified_across_a_jump(kind):
     x = [[0.0, -1.0], [5.0, 0.0]]
-    assert not resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
+    assert not resting(small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
 
 
 @pytest.mark.parametrize("kind", JUMPING)
 def test_nothing_is_certified_that_gets_to_a_jump(kind):
     x = [[-5e-3, -1e-6], [5.0, 0.0]]
-    given = scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind})
+    scenario = small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind})
     begin = State(0.0, [*x[0], *x[1]], 0.0)
-    assert certify(given, [begin], [step("1", 0.0, [1.0, 0.0])]).horizon == 0.0
+    assert certify(scenario, [begin], [step("1", 0.0, [1.0, 0.0])]).horizon == 0.0
 
 
 @pytest.mark.parametrize("kind", ["if-else", "and", "or", "not", "least"])
 def test_some_way_off_a_jump_does_no_harm(kind):
     x = [[-0.5, -1.0], [5.0, 0.0]]
-    assert resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
+    assert resting(small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
 
 
 def test_a_smooth_function_of_ones_own_is_certified():
     x = [[0.0, -1.0], [5.0, 0.0]]
-    assert resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "smooth"}), x)
+    assert resting(small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "smooth"}), x)
 
 
 def test_what_has_no_rule_or_varies_is_not_decided_and_named():
     x = [[0.0, -1.0], [5.0, 0.0]]
     with pytest.raises(UndecidedError, match="'erf'"):
-        resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"}), x)
+        resting(small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"}), x)
     with pytest.raises(UndecidedError, match="agent 1 may apply vary"):
-        resting(scenario({"type": "certify_own:Tiring", "speed": 1.0}, x), x)
+        resting(small_scenario({"type": "certify_own:Tiring", "speed": 1.0}, x), x)
 
 
 def test_an_agent_that_passes_through_an_obstacle_between_states_is_not_certified():
     obstacle = {"center": [0.0, 0.0], "clearance": 0.5}
-    fast = scenario(
+    fast = small_scenario(
         {"type": "single-integrator", "speed": 3000.0},
         [[-1.5, 0.0]],
         period=1e-3,
         obstacles=(obstacle,),
     )
     ends = [State(0.0, [-1.5, 0.0], -2.0), State(1e-3, [1.5, 0.0], -2.0)]
-    found = certify(fast, ends, [step("1", 0.0, [3000.0, 0.0])])
-    assert 1e-4 < found.gap.t <= 1e-3 / 3  # where it enters
-    assert found.gap.pair == "1-obstacle 0"
+    result = certify(fast, ends, [step("1", 0.0, [3000.0, 0.0])])
+    assert 1e-4 < result.gap.t <= 1e-3 / 3  # where it enters
+    assert result.gap.pair == "1-obstacle 0"
 
 
 @pytest.mark.parametrize(("bound", "speed"), [(0.0, 1.0), (0.5, 1.0), (0.5, 0.2), (0.3, -0.1)])
 def test_against_a_wall_the_horizon_is_exact(bound, speed):
     """h is linear, so that nothing is lost but a billionth."""
     wall = {"normal": [1.0, 0.0], "offset": 1.0, "clearance": 0.1}
-    given = scenario(SINGLE, [[0.0, 0.0]], bound=bound, period=2.0, obstacles=(wall,))
+    scenario = small_scenario(SINGLE, [[0.0, 0.0]], bound=bound, period=2.0, obstacles=(wall,))
     ends = [State(0.0, [0.0, 0.0], -0.9)]
-    found = certify(given, ends, [step("1", 0.0, [speed, 0.0])])
+    result = certify(scenario, ends, [step("1", 0.0, [speed, 0.0])])
     exact = 0.9 / (speed + bound + 2.0 * DEFECT)  # integration, and rounding
-    assert exact * (1.0 - 1e-8) < found.horizon <= exact
+    assert exact * (1.0 - 1e-8) < result.horizon <= exact
 
 
 def test_until_the_first_input_takes_effect_actuators_hold_zero(tmp_path):
-    given = load("unicycles", overrides={"time.latency": 0.004, "duration": 0.3})
-    recording = run(given, engine="in-process", out=tmp_path).recording
+    scenario = load("unicycles", overrides={"time.latency": 0.004, "duration": 0.3})
+    recording = run(scenario, engine="in-process", out=tmp_path).recording
     assert judged(recording)
     late = [s for s in recording.steps if s.t_apply > 0.02]
     with pytest.raises(UncertifiableError, match="moves otherwise"):
-        certify(given, recording.states, late)
+        certify(scenario, recording.states, late)
 
 
 MODELS = {
@@ -361,16 +361,16 @@ def test_no_motion_leaves_the_safe_set_while_its_certificate_lasts(model, starts
         x = rng.uniform(-1.0, 1.0, (2, n))
         angle, distance = rng.uniform(-np.pi, np.pi), rng.uniform(1.05, 1.8)
         x[0, :2], x[1, :2] = 0.0, (distance * np.cos(angle), distance * np.sin(angle))
-        given = scenario(table, x.tolist(), bound=bound, period=0.05)
-        dynamics = given.agents[0].dynamics_object()
+        scenario = small_scenario(table, x.tolist(), bound=bound, period=0.05)
+        dynamics = scenario.agents[0].dynamics_object()
         most = np.array(ca.DM(dynamics.input_polytope(ca.SX.sym("x", x.shape[1]))[1])).ravel()
         u = rng.choice([-1.0, 1.0], len(dynamics.inputs)) * most[: len(dynamics.inputs)]
         steps = [step("1", 0.0, u.tolist())]
-        found = certify(given, [State(0.0, x.ravel().tolist(), 0.0)], steps)
-        assert found.horizon > 0.0
-        unsafe = first_unsafe(dynamics, x, u, most, bound, 4.0 * found.horizon, rng)
-        assert unsafe > found.horizon
-        lasted.append(found.horizon / min(unsafe, 0.2))
+        result = certify(scenario, [State(0.0, x.ravel().tolist(), 0.0)], steps)
+        assert result.horizon > 0.0
+        unsafe = first_unsafe(dynamics, x, u, most, bound, 4.0 * result.horizon, rng)
+        assert unsafe > result.horizon
+        lasted.append(result.horizon / min(unsafe, 0.2))
     assert np.median(lasted) > 0.3  # a bound that certified nothing would be no use
 
 
@@ -408,11 +408,11 @@ def recorded(
     """
     table, bound, n = MODELS[model]
     x, bound = np.zeros(n), declared * bound
-    given = scenario(
+    scenario = small_scenario(
         table, [x.tolist()], bound=bound, period=0.5, obstacles=FAR, duration=times[-1]
     )
-    dynamics = given.agents[0].dynamics_object()
-    most = GroupMotion(given.agents[0], 0.0).anywhere(1).lo.ravel() + 2e-5
+    dynamics = scenario.agents[0].dynamics_object()
+    most = GroupMotion(scenario.agents[0], 0.0).anywhere(1).lo.ravel() + 2e-5
     states, steps = [State(0.0, x.tolist(), 0.0)], list[Step]()
     for begin, end in pairwise(times):
         u, phi = rng.uniform(-1.0, 1.0, len(most)) * most, rng.normal(size=n)
@@ -421,7 +421,7 @@ def recorded(
         x = moved(dynamics, x, u, phi, end - begin)
         x[1] += lean * (end - begin)
         states.append(State(end, x.tolist(), 0.0))
-    return given, states, steps
+    return scenario, states, steps
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -430,8 +430,8 @@ def test_no_motion_is_refused_however_long_it_lasts(model, bounded):
     rng = np.random.default_rng(len(model))
     for _ in range(3):
         times = np.cumsum([0.0, *np.exp(rng.uniform(np.log(1e-4), np.log(0.3), 5))])
-        given, states, steps = recorded(model, times.tolist(), rng, declared=float(bounded))
-        assert certify(given, states, steps).samples == len(steps)
+        scenario, states, steps = recorded(model, times.tolist(), rng, declared=float(bounded))
+        assert certify(scenario, states, steps).samples == len(steps)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -448,9 +448,9 @@ def test_a_leant_track_is_refused_unless_a_disturbance_may_have_done_it(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_a_disturbance_that_is_a_tenth_larger_than_declared_is_refused(model):
     times = np.linspace(0.0, 0.02, 6).tolist()
-    found = recorded(model, times, np.random.default_rng(2), strength=1.1)
+    records = recorded(model, times, np.random.default_rng(2), strength=1.1)
     with pytest.raises(UncertifiableError, match="moves otherwise"):
-        certify(*found)
+        certify(*records)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -459,24 +459,24 @@ def test_what_a_motion_may_reach_is_enclosed_and_closely(model):
     rng = np.random.default_rng(3)
     for pieces in (1, 1, 4, 4):
         x, dt = rng.uniform(-1.0, 1.0, n), float(np.exp(rng.uniform(np.log(1e-3), np.log(0.2))))
-        given = scenario(table, [x.tolist()], bound=bound, obstacles=FAR).agents[0]
-        motion, dynamics = GroupMotion(given, 0.0), given.dynamics_object()
+        group = small_scenario(table, [x.tolist()], bound=bound, obstacles=FAR).agents[0]
+        motion, dynamics = GroupMotion(group, 0.0), group.dynamics_object()
         most = motion.anywhere(1).hi.ravel()
         u = rng.uniform(-1.0, 1.0, len(most)) * most
         span = Interval(*np.full((2, 1), dt))
-        found = MotionCheck(motion).reached(point(x[:, None]), point(u[:, None]), span, pieces)
-        assert found.known.all()
+        result = MotionCheck(motion).reached(point(x[:, None]), point(u[:, None]), span, pieces)
+        assert result.proven.all()
         y = moved(dynamics, x, u, np.zeros(n), dt)
-        assert (found.y.lo.ravel() - 1e-12 <= y).all()
-        assert (y <= found.y.hi.ravel() + 1e-12).all()
+        assert (result.y.lo.ravel() - 1e-12 <= y).all()
+        assert (y <= result.y.hi.ravel() + 1e-12).all()
         fastest = np.abs(motion.enclosed(point(x[:, None]), point(u[:, None]), span.hi).rates.hi)
-        assert (found.y.hi - found.y.lo).max() <= 1e-12 + 100.0 * dt**3 * fastest.max()
+        assert (result.y.hi - result.y.lo).max() <= 1e-12 + 100.0 * dt**3 * fastest.max()
         for _ in range(3):
             phi = rng.normal(size=n)
             phi *= bound / np.linalg.norm(phi)
             off = np.linalg.norm(moved(dynamics, x, u, phi, dt) - y)
-            assert off <= found.distance[0] + 1e-12
-        assert found.distance[0] <= (bound + DEFECT) * dt * np.exp(5.0 * dt)
+            assert off <= result.distance[0] + 1e-12
+        assert result.distance[0] <= (bound + DEFECT) * dt * np.exp(5.0 * dt)
 
 
 @pytest.mark.parametrize("drag", [0.93, 1.5, 4.0])
@@ -484,38 +484,40 @@ def test_long_intervals_are_certified_also_where_drag_is_strong(drag):
     """One box of all states within an interval is not found, but that of its parts is."""
     table = {"type": "double-integrator", "acceleration": 2.0, "drag": drag, "dimension": 2}
     x, u = np.array([0.0, 0.0, 1.0, -1.0]), np.array([1.0, 0.5])
-    given = scenario(table, [x.tolist()], period=1.0, duration=2.0, obstacles=FAR)
+    scenario = small_scenario(table, [x.tolist()], period=1.0, duration=2.0, obstacles=FAR)
     states, steps = [State(0.0, x.tolist(), 0.0)], list[Step]()
     for t in (0.0, 1.0):
         steps.append(step("1", t, u.tolist()))
-        x = moved(given.agents[0].dynamics_object(), x, u, np.zeros(4), 1.0)
+        x = moved(scenario.agents[0].dynamics_object(), x, u, np.zeros(4), 1.0)
         states.append(State(t + 1.0, x.tolist(), 0.0))
-    found = certify(given, states, steps)
-    assert found
-    assert found.horizon >= 1.0
+    result = certify(scenario, states, steps)
+    assert result
+    assert result.horizon >= 1.0
 
 
 def test_a_box_in_parts_holds_all_of_a_motion_and_all_of_its_rates():
     table = {"type": "double-integrator", "acceleration": 2.0, "drag": 1.5, "dimension": 2}
-    group = scenario(table, [[0.0] * 4], bound=0.1, obstacles=FAR).agents[0]
+    group = small_scenario(table, [[0.0] * 4], bound=0.1, obstacles=FAR).agents[0]
     motion, u, phi = GroupMotion(group, 0.0), np.array([2.0, -1.0]), np.array([0.0, 0.0, 0.1, 0.0])
     x = np.array([0.0, 0.0, 1.0, 1.0])
     span = point(u[:, None])
-    assert not motion.moved(x[:, None], span, np.ones(1)).known
-    found = motion.moved(x[:, None], span, np.ones(1), (1, 4, 16))
-    assert found.known
+    assert not motion.moved(x[:, None], span, np.ones(1)).proven
+    result = motion.moved(x[:, None], span, np.ones(1), (1, 4, 16))
+    assert result.proven
     for t in np.linspace(0.0, 1.0, 41):
         at = moved(group.dynamics_object(), x, u, phi, t)
         rate = np.array([*at[2:], *(u - 1.5 * at[2:])])
-        assert (found.box.lo.ravel() <= at).all()
-        assert (at <= found.box.hi.ravel()).all()
-        assert (found.rates.lo.ravel() <= rate).all()
-        assert (rate <= found.rates.hi.ravel()).all()
+        assert (result.box.lo.ravel() <= at).all()
+        assert (at <= result.box.hi.ravel()).all()
+        assert (result.rates.lo.ravel() <= rate).all()
+        assert (rate <= result.rates.hi.ravel()).all()
 
 
 def test_a_box_in_parts_holds_what_a_disturbance_moves_in_all_of_them():
     """At rest, with φ at its bound all the time, it is 1 m away at the end."""
-    motion = GroupMotion(scenario(SINGLE, [[0.0, 0.0]], bound=1.0, obstacles=FAR).agents[0], 0.0)
+    motion = GroupMotion(
+        small_scenario(SINGLE, [[0.0, 0.0]], bound=1.0, obstacles=FAR).agents[0], 0.0
+    )
     rest = np.zeros((2, 1))
     box = motion.moved(rest, point(rest), np.ones(1), (4,)).box
     assert (box.lo <= -1.0).all()
@@ -527,41 +529,45 @@ def own_dynamics(name: str, **fields: object) -> dict[str, object]:
 
 
 def test_a_motion_without_bounds_is_not_decided_and_certifies_nothing():
-    given = scenario(own_dynamics("Runaway", gain=20.0), [[1e-8, 0.0]], period=1.0, obstacles=NEAR)
+    scenario = small_scenario(
+        own_dynamics("Runaway", gain=20.0), [[1e-8, 0.0]], period=1.0, obstacles=NEAR
+    )
     rest = [State(0.0, [1e-8, 0.0], 0.0)]
-    assert certify(given, rest, []).horizon == 0.0  # it passes through, e^20 as far
-    given = scenario(own_dynamics("Runaway", gain=5e3), [[1e-8, 0.0]], period=1.0, obstacles=NEAR)
+    assert certify(scenario, rest, []).horizon == 0.0  # it passes through, e^20 as far
+    scenario = small_scenario(
+        own_dynamics("Runaway", gain=5e3), [[1e-8, 0.0]], period=1.0, obstacles=NEAR
+    )
     with pytest.raises(UndecidedError, match=r"whether agent 1 .* t = 0\.0+ s to 1\.0+ s"):
-        certify(given, [*rest, State(1.0, [1.0, 0.0], 0.0)], [])
+        certify(scenario, [*rest, State(1.0, [1.0, 0.0], 0.0)], [])
 
 
 def test_a_motion_that_is_bounded_at_first_alone_is_not_known():
-    group = scenario(own_dynamics("Exploding"), [[1.0, 0.0]], obstacles=FAR).agents[0]
+    group = small_scenario(own_dynamics("Exploding"), [[1.0, 0.0]], obstacles=FAR).agents[0]
     motion, x, u = GroupMotion(group, 0.0), np.array([[1.0], [0.0]]), point(np.zeros((2, 1)))
-    assert motion.moved(x, u, np.full(1, 0.8 / 16)).known
-    assert not motion.moved(x, u, np.full(1, 0.8), (16,)).known
+    assert motion.moved(x, u, np.full(1, 0.8 / 16)).proven
+    assert not motion.moved(x, u, np.full(1, 0.8), (16,)).proven
 
 
 def test_a_field_that_jumps_is_not_decided():
     ends = [State(t, [-t, 0.0], 0.0) for t in (0.0, 0.01)]
-    given = scenario(own_dynamics("Sticking"), [[0.0, 0.0]], obstacles=FAR)
+    scenario = small_scenario(own_dynamics("Sticking"), [[0.0, 0.0]], obstacles=FAR)
     with pytest.raises(UndecidedError, match="whether agent 1"):
-        certify(given, ends, [step("1", 0.0, [-1.0, 0.0])])
+        certify(scenario, ends, [step("1", 0.0, [-1.0, 0.0])])
 
 
 @pytest.mark.parametrize("kind", ["fabs", "fmax"])
 @pytest.mark.parametrize("bound", [0.0, 0.2])
 def test_one_with_a_kink_is_followed_across_it(bound, kind):
     table = own_dynamics("Kinked", kind=kind)
-    given = scenario(table, [[0.0, 0.0]], bound=bound, obstacles=FAR)
+    scenario = small_scenario(table, [[0.0, 0.0]], bound=bound, obstacles=FAR)
     x, u, steps = np.array([-4e-3, 1.0]), np.array([1.0, 0.0]), [step("1", 0.0, [1.0, 0.0])]
     phi = np.array([0.6, 0.8]) * 0.9 * bound
-    x = moved(given.agents[0].dynamics_object(), begin := x, u, phi, 0.01, 10_000)
+    x = moved(scenario.agents[0].dynamics_object(), begin := x, u, phi, 0.01, 10_000)
     ends = [State(0.0, begin.tolist(), 0.0), State(0.01, x.tolist(), 0.0)]
-    assert certify(given, ends, steps).samples == 1
+    assert certify(scenario, ends, steps).samples == 1
     ends[1].x[1] += 1e-5 + 2e-3 * bound
     with pytest.raises(UncertifiableError, match="moves otherwise"):
-        certify(given, ends, steps)
+        certify(scenario, ends, steps)
 
 
 @pytest.mark.parametrize("bound", [0.1, 1.0])
@@ -569,38 +575,38 @@ def test_a_disturbance_counts_in_how_fast_the_rate_of_h_grows(bound):
     """Against a wall at 10 m from rest: h + t φ + ½ t² φ, which is exact but for the ball."""
     table = {"type": "double-integrator", "acceleration": 1.0, "dimension": 2}
     wall = {"normal": [1.0, 0.0], "offset": 10.1, "clearance": 0.1}
-    given = scenario(table, [[0.0] * 4], bound=bound, period=5.0, obstacles=(wall,))
-    found = certify(given, [State(0.0, [0.0] * 4, -10.0)], [step("1", 0.0, [0.0, 0.0])])
+    scenario = small_scenario(table, [[0.0] * 4], bound=bound, period=5.0, obstacles=(wall,))
+    result = certify(scenario, [State(0.0, [0.0] * 4, -10.0)], [step("1", 0.0, [0.0, 0.0])])
     exact = np.sqrt(1.0 + 20.0 / (bound + 2.0 * DEFECT)) - 1.0
-    assert exact * (1.0 - 1e-8) < found.horizon <= exact
+    assert exact * (1.0 - 1e-8) < result.horizon <= exact
 
 
 @pytest.mark.parametrize("at", [1, 2047, 2048, 2049, 4096])
 def test_every_state_of_a_long_recording_is_held_against_the_one_before(at):
-    given = scenario(SINGLE, [[0.0, 0.0]], period=10.0, duration=5.0, obstacles=FAR)
+    scenario = small_scenario(SINGLE, [[0.0, 0.0]], period=10.0, duration=5.0, obstacles=FAR)
     states = [State(1e-3 * k, [1e-6 * (k >= at), 0.0], 0.0) for k in range(5000)]
     with pytest.raises(UncertifiableError, match=f"t = {1e-3 * (at - 1):.6f} s"):
-        certify(given, states, [])
+        certify(scenario, states, [])
 
 
 @pytest.mark.parametrize("talking", ["1", "2", "nobody"])
 @pytest.mark.parametrize("role", ["normal", "adversary"])
 def test_a_pair_is_covered_by_either_normal_member_and_by_no_adversary(talking, role):
     """A silent agent holds its first input, far longer than a certificate lasts."""
-    given = scenario(SINGLE, [[0.0, 0.0], [4.0, 0.0]], period=0.05, duration=2.0)
-    second = given.agents[1].model_copy(update={"role": role})
-    given = given.model_copy(update={"agents": (given.agents[0], second)})
+    scenario = small_scenario(SINGLE, [[0.0, 0.0], [4.0, 0.0]], period=0.05, duration=2.0)
+    second = scenario.agents[1].model_copy(update={"role": role})
+    scenario = scenario.model_copy(update={"agents": (scenario.agents[0], second)})
     times = np.linspace(0.0, 2.0, 41).tolist()
     states = [State(t, [0.0, 0.0, 4.0, 0.0], 0.0) for t in times]
     steps = [step(name, 0.0, [0.0, 0.0]) for name in "12"]
     steps += [step(talking, t, [0.0, 0.0]) for t in times[1:] if talking in "12"]
-    found = certify(given, states, steps)
-    assert bool(found) == (talking == "1" or (talking == "2" and role == "normal"))
+    result = certify(scenario, states, steps)
+    assert bool(result) == (talking == "1" or (talking == "2" and role == "normal"))
 
 
 def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
     """Three groups and two obstacles; who moves is held where it is by a disturbance."""
-    places = rng.uniform(-4.0, 4.0, (8, 2))
+    positions = rng.uniform(-4.0, 4.0, (8, 2))
     groups = [
         {
             "names": names,
@@ -609,7 +615,7 @@ def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
             "law": {"type": "worst"},
             "clock": {"period": period},
             "disturbance": {"bound": speed + 0.1},
-            "start": [places[int(name) - 1].tolist() + [0.0] * len(turning) for name in names],
+            "start": [positions[int(name) - 1].tolist() + [0.0] * len(turning) for name in names],
         }
         for names, role, kind, speed, turning, period in (
             (["1", "2"], "normal", "single-integrator", 0.5, {}, 0.03),
@@ -617,7 +623,7 @@ def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
             (["5", "6"], "adversary", "single-integrator", 0.3, {}, 0.04),
         )
     ]
-    given = Scenario.model_validate(
+    scenario = Scenario.model_validate(
         {
             "name": "mixed",
             "duration": 0.2,
@@ -625,17 +631,17 @@ def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
                 "function": {"type": "separation", "radius": 1.0},
                 "rho": 1.0, "alpha": [1.0], "eta": 0.0,
             },
-            "obstacles": [{"center": c, "clearance": 1.0} for c in places[6:].tolist()],
+            "obstacles": [{"center": c, "clearance": 1.0} for c in positions[6:].tolist()],
             "agents": groups,
         }
     )  # fmt: skip
-    x = [number for group in given.agents for start in group.start for number in start]
+    x = [number for group in scenario.agents for start in group.start for number in start]
     times = np.sort(rng.uniform(0.0, 0.2, 30))
     states = [State(float(t), x, 0.0) for t in (0.0, *times, 0.2)]
     steps = [
         step(str(rng.integers(1, 7)), float(t), rng.uniform(-0.2, 0.2, 2).tolist()) for t in times
     ]
-    return given, states, steps
+    return scenario, states, steps
 
 
 def only(
@@ -651,23 +657,23 @@ def only(
         if name in names
     ]
     sizes = {n: len(g.dynamics_object().states) for n, g, _ in whole.roster()}
-    kept = np.repeat([name in names for name in sizes], list(sizes.values()))
+    columns = np.repeat([name in names for name in sizes], list(sizes.values()))
     return certify(
         Scenario.model_validate(table),
-        [State(s.t, row[kept].tolist(), 0.0) for s, row in zip(states, x, strict=True)],
+        [State(s.t, row[columns].tolist(), 0.0) for s, row in zip(states, x, strict=True)],
         [s for s in steps if s.agent in names],
     )
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_swarm_is_certified_as_each_of_its_pairs_would_be_alone(seed):
-    given, states, steps = mixed(np.random.default_rng(seed))
-    whole = certify(given, states, steps)
+    scenario, states, steps = mixed(np.random.default_rng(seed))
+    whole = certify(scenario, states, steps)
     pairs = [(a, b) for a, b in combinations("123456", 2) if a not in "56"]
-    alone = [only(given, states, steps, pair, 0) for pair in pairs]
-    alone += [only(given, states, steps, (name,), k) for name in "1234" for k in (0, 1)]
-    assert whole.horizon == min(found.horizon for found in alone)
-    gaps = [found.gap.t for found in alone if found.gap]
+    alone = [only(scenario, states, steps, pair, 0) for pair in pairs]
+    alone += [only(scenario, states, steps, (name,), k) for name in "1234" for k in (0, 1)]
+    assert whole.horizon == min(result.horizon for result in alone)
+    gaps = [result.gap.t for result in alone if result.gap]
     assert (whole.gap.t if whole.gap else None) == min(gaps, default=None)
 
 
@@ -684,15 +690,15 @@ def first_unsafe(
 ) -> float:
     """The first instant at which any of many motions has h > 0 [s]; inf if none has."""
     n, m = x.shape[1], len(u)
-    state, given = ca.SX.sym("x", 2 * n), ca.SX.sym("u", 2 * m)
+    state, u_pair = ca.SX.sym("x", 2 * n), ca.SX.sym("u", 2 * m)
     rates = [
         dynamics.drift(state[k * n : (k + 1) * n])
-        + dynamics.actuation(state[k * n : (k + 1) * n]) @ given[k * m : (k + 1) * m]
+        + dynamics.actuation(state[k * n : (k + 1) * n]) @ u_pair[k * m : (k + 1) * m]
         for k in (0, 1)
     ]
-    apart = dynamics.position(state[:n]) - dynamics.position(state[n:])
-    h = 1.0 - ca.sumsqr(apart)
-    field = ca.Function("f", [state, given], [ca.vertcat(*rates)]).map(motions)
+    offset = dynamics.position(state[:n]) - dynamics.position(state[n:])
+    h = 1.0 - ca.sumsqr(offset)
+    field = ca.Function("f", [state, u_pair], [ca.vertcat(*rates)]).map(motions)
     rise = ca.Function("h", [state], [h, ca.jacobian(h, state).T]).map(motions)
     at = np.repeat(x.reshape(-1, 1), motions, axis=1)
     held = rng.choice([-1.0, 1.0], (m, motions)) * most[:m, None]
@@ -739,16 +745,16 @@ def test_what_is_cut_short_is_not_certified_even_where_one_byte_is_missing(
 
 def test_what_is_not_decided_is_said_to_be_so_with_a_status_of_its_own(tmp_path, capsys):
     x = [[0.0, -1.0], [5.0, 0.0]]
-    given = scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"})
-    done = run(given, engine="in-process", out=tmp_path)
+    scenario = small_scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"})
+    done = run(scenario, engine="in-process", out=tmp_path)
     assert status(["certify", str(done.folder), "--trust"]) == 4
     assert "not decided: no interval rule for the operation 'erf'" in capsys.readouterr().out
 
 
 def test_a_turned_agents_pairs_are_not_counted_and_the_command_says_so(tmp_path, capsys):
     turn = CommandPolicy(schedule=(Command(0.1, CommandKind.TURN, "1"),))
-    given = scenario(SINGLE, [[0.0, 0.0]], obstacles=NEAR, duration=2.0)
-    done = run(given, engine="in-process", out=tmp_path, commands=turn)
+    scenario = small_scenario(SINGLE, [[0.0, 0.0]], obstacles=NEAR, duration=2.0)
+    done = run(scenario, engine="in-process", out=tmp_path, commands=turn)
     assert [violation.pair for violation in done.summary.excluded] == ["1-obstacle 0"]
     assert status(["certify", str(done.folder)]) == 0
     printed = " ".join(capsys.readouterr().out.split())
@@ -770,8 +776,8 @@ def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path):
     overrides |= {"agents.0.count": 112, "agents.1.count": 16}
     done = run(load("swarm2d", overrides=overrides), engine="in-process", out=tmp_path)
     command = [sys.executable, "-c", CERTIFIED, str(done.folder)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert int(said.split()[-1]) < 250_000  # kB
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert int(output.split()[-1]) < 250_000  # kB
 
 
 # Its own memory: what wait4 says of a child is never less than what its parent had at the fork.

@@ -31,8 +31,8 @@ def bounds(expression: ca.SX, x: ca.SX, box: Box) -> Bounds:
 
 def over(function: IntervalFunction, box: Box) -> Bounds:
     low, high = (np.array(side)[:, None] for side in zip(*box, strict=True))
-    (found,), smooth = function(Interval(low, high))
-    return float(found.lo[0, 0]), float(found.hi[0, 0]), bool(smooth[0])
+    (result,), smooth = function(Interval(low, high))
+    return float(result.lo[0, 0]), float(result.hi[0, 0]), bool(smooth[0])
 
 
 @cache

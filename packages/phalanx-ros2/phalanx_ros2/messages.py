@@ -55,8 +55,8 @@ _OF_ROLE = {
 def pose_messages(t: float, poses: Poses) -> Iterator[PoseStamped]:
     """Each agent's pose at t [s]."""
     now = cdr.header(t, _WORLD)
-    for place, heading in zip(poses.positions, poses.headings, strict=True):
-        yield PoseStamped(header=now, pose=_pose(place, heading))
+    for position, heading in zip(poses.positions, poses.headings, strict=True):
+        yield PoseStamped(header=now, pose=_pose(position, heading))
 
 
 def agents(
@@ -79,11 +79,11 @@ def violations(
     """A red line between the sides of every violated pair; positions [m], shape (N, 3)."""
     ends = [end for pair in unsafe for end in model.ends(pair, positions)]
     lines = Shape("violated pairs", 0, Kind.LINE, DANGER, points=np.array(ends).reshape(-1, 3))
-    drawn = _marker(cdr.header(t, _WORLD), lines, model)
-    drawn.type = Marker.LINE_LIST
+    marker = _marker(cdr.header(t, _WORLD), lines, model)
+    marker.type = Marker.LINE_LIST
     # Without violated pairs, earlier lines are deleted.
-    drawn.action = Marker.ADD if ends else Marker.DELETE
-    yield drawn
+    marker.action = Marker.ADD if ends else Marker.DELETE
+    yield marker
 
 
 def static_markers(t: float, model: SceneModel) -> Iterator[Marker]:
@@ -127,15 +127,15 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
     )
 
 
-def _pose(place: Array, heading: Array) -> ros.geometry_msgs__msg__Pose:
-    """A pose at a place [m], shape (3,), whose x-axis is along a unit heading, shape (3,)."""
+def _pose(position: Array, heading: Array) -> ros.geometry_msgs__msg__Pose:
+    """A pose at a position [m], shape (3,), whose x-axis is along a unit heading, shape (3,)."""
     w, x, y, z = rotations_to(heading[None])[0].tolist()
     turn = ros.geometry_msgs__msg__Quaternion(x=x, y=y, z=z, w=w)
-    return ros.geometry_msgs__msg__Pose(position=_point(place), orientation=turn)
+    return ros.geometry_msgs__msg__Pose(position=_point(position), orientation=turn)
 
 
-def _point(place: Array) -> ros.geometry_msgs__msg__Point:
-    x, y, z = place.tolist()
+def _point(position: Array) -> ros.geometry_msgs__msg__Point:
+    x, y, z = position.tolist()
     return ros.geometry_msgs__msg__Point(x=x, y=y, z=z)
 
 
@@ -149,33 +149,33 @@ def diagnostics(frame: Frame, model: SceneModel, head: Head) -> Diagnostics:
         "steps": frame.steps,
     }
     figures |= {a.name: f"failed since t = {a.first:.3f} s" for a in frame.assumptions if a.failed}
-    found = [_status("run", head, model.scenario.name, figures)]
+    statuses = [_status("run", head, model.scenario.name, figures)]
     for name, adversary, status in zip(model.names, model.adversary, frame.agents, strict=True):
         now = role(status, bool(adversary))
         figures = _figures(status, model)
-        found.append(_status(f"agent {name}", (_OF_ROLE[now], now), name, figures))
-    return Diagnostics(header=cdr.header(frame.t, _WORLD), status=found)
+        statuses.append(_status(f"agent {name}", (_OF_ROLE[now], now), name, figures))
+    return Diagnostics(header=cdr.header(frame.t, _WORLD), status=statuses)
 
 
 def _figures(status: AgentStatus, model: SceneModel) -> dict[str, object]:
-    found: dict[str, object] = {
+    figures: dict[str, object] = {
         "condition": status.condition,
         "backups": status.backups,
         "without authority": status.without_authority,
     }
     if step := status.step:
         for name, values in (("u", step.u), ("nominal u", step.u_nom)):
-            found[name] = ", ".join(f"{value:g}" for value in values)
+            figures[name] = ", ".join(f"{value:g}" for value in values)
         for name, quantity in QUANTITIES.items():
             unit = unit_of(quantity, model.swarm)
-            found[quantity.title.lower() + f" [{unit}]" * bool(unit)] = getattr(step, name)
-    return found
+            figures[quantity.title.lower() + f" [{unit}]" * bool(unit)] = getattr(step, name)
+    return figures
 
 
 def _status(name: str, head: Head, hardware: str, figures: dict[str, object]) -> Status:
     level, message = head
-    known = {name: str(value) for name, value in figures.items() if value is not None}
-    values = [ros.diagnostic_msgs__msg__KeyValue(key=k, value=v) for k, v in known.items()]
+    texts = {name: str(value) for name, value in figures.items() if value is not None}
+    values = [ros.diagnostic_msgs__msg__KeyValue(key=k, value=v) for k, v in texts.items()]
     return Status(
         level=level, name=f"phalanx: {name}", message=message, hardware_id=hardware, values=values
     )
@@ -183,10 +183,10 @@ def _status(name: str, head: Head, hardware: str, figures: dict[str, object]) ->
 
 def interim_head(frame: Frame) -> Head:
     """Outcome of a run up to a frame."""
-    found = interim_outcome(frame)
+    outcome = interim_outcome(frame)
     pairs = ", ".join(violation.pair for violation in frame.violations)
-    more = {Outcome.VIOLATED: f": {pairs}", Outcome.SAFE: ", not guaranteed"}.get(found, "")
-    return _OF_OUTCOME[found], f"{found} so far{more}"
+    more = {Outcome.VIOLATED: f": {pairs}", Outcome.SAFE: ", not guaranteed"}.get(outcome, "")
+    return _OF_OUTCOME[outcome], f"{outcome} so far{more}"
 
 
 def last_head(summary: Summary | None, unfinished: str) -> Head:
@@ -196,6 +196,6 @@ def last_head(summary: Summary | None, unfinished: str) -> Head:
     return _OF_OUTCOME[summary.outcome], f"{summary.outcome}: {summary.reason}"
 
 
-def heads(found: Diagnostics) -> list[Head]:
+def heads(message: Diagnostics) -> list[Head]:
     """Level and message of each status; only its figures change all the time."""
-    return [(status.level, status.message) for status in found.status]
+    return [(status.level, status.message) for status in message.status]

@@ -96,9 +96,9 @@ class Republisher:
         if not self._diagnostics.has_subscriber:
             return
         message = messages.diagnostics(frame, self._model, head)
-        found = messages.heads(message)
-        if again or found != self._heads:
-            self._heads = found
+        heads = messages.heads(message)
+        if again or heads != self._heads:
+            self._heads = heads
             self._diagnostics.put(serialized(message))
 
 

@@ -25,7 +25,7 @@ _POSES: Mapping[str, type] = {"Odometry": Odometry, "PoseStamped": PoseStamped}
 _VELOCITIES: Mapping[str, type] = {"Twist": Twist, "TwistStamped": TwistStamped}
 
 
-class Seen(NamedTuple):
+class Reading(NamedTuple):
     """A robot's odometry, in the scenario's coordinates."""
 
     arrived: float
@@ -43,7 +43,7 @@ class Robots:
         self, router: str, domain: int, tables: Mapping[str, Mapping[str, Any]], timeout: float
     ) -> None:
         """Join the ROS 2 router; tables: as `RobotTable.of`, by agent. Raises HubError."""
-        self._tables, self._seen = tables, dict[str, Seen]()
+        self._tables, self._readings = tables, dict[str, Reading]()
         self._changed = threading.Condition()
         self._node = Node(router, NodeName(domain, "/phalanx", "world"), timeout)
         self._publishers = {
@@ -58,27 +58,27 @@ class Robots:
             kind = message_type(_POSES[table["odometry_type"]])
             self._node.subscribe(table["odometry"], kind, partial(self._take, name))
 
-    def first(self, name: str, timeout: float) -> Seen:
+    def first(self, name: str, timeout: float) -> Reading:
         """Wait for a robot's first odometry. Raises ValueError."""
         with self._changed:
-            if not self._changed.wait_for(lambda: name in self._seen, timeout):
+            if not self._changed.wait_for(lambda: name in self._readings, timeout):
                 table = self._tables[name]
                 raise ValueError(
                     f"agent {name}: no {table['odometry_type']} on {table['odometry']} in frame "
                     f"{table['frame']} within {timeout:g} s"
                 )
-            return self._seen[name]
+            return self._readings[name]
 
-    def newest(self, name: str) -> Seen:
+    def newest(self, name: str) -> Reading:
         """Return a robot's newest odometry."""
-        return self._seen[name]
+        return self._readings[name]
 
     def send(self, name: str, velocity: Array) -> None:
         """Command a velocity: ahead, left [m/s], turn [rad/s]."""
-        ahead, left, turn = velocity.tolist()
+        ahead, sideways, turn = velocity.tolist()
         table = self._tables[name]
         message: Any = Twist(
-            linear=Vector3(x=ahead, y=left, z=0.0), angular=Vector3(x=0.0, y=0.0, z=turn)
+            linear=Vector3(x=ahead, y=sideways, z=0.0), angular=Vector3(x=0.0, y=0.0, z=turn)
         )
         if table["command_type"] == "TwistStamped":
             message = TwistStamped(header=header(time.time(), table["base"]), twist=message)
@@ -93,16 +93,16 @@ class Robots:
         table = self._tables[name]
         try:
             message = deserialized(payload, _POSES[table["odometry_type"]])
-            seen = seen_of(message, table["frame"], table["origin"])
+            reading = reading_of(message, table["frame"], table["origin"])
         except Exception as error:  # bytes from elsewhere may raise anything
             log.warning("agent %s: odometry dropped: %s", name, error)
             return
         with self._changed:
-            self._seen[name] = seen
+            self._readings[name] = reading
             self._changed.notify_all()
 
 
-def seen_of(message: Any, frame: str, origin: tuple[float, float, float]) -> Seen:
+def reading_of(message: Any, frame: str, origin: tuple[float, float, float]) -> Reading:
     """Return an Odometry or a PoseStamped in the scenario's coordinates. Raises ValueError."""
     if message.header.frame_id != frame:
         raise ValueError(f"expected frame {frame}, got {message.header.frame_id}")
@@ -113,15 +113,15 @@ def seen_of(message: Any, frame: str, origin: tuple[float, float, float]) -> See
     turn = yaw + origin[2]
     x, y = _turned(pose.position.x, pose.position.y, origin[2])
     # Twists of an Odometry are in the robot's own axes.
-    own = message.twist.twist.linear if odometry else Vector3(x=0.0, y=0.0, z=0.0)
-    seen = Seen(
+    twist = message.twist.twist.linear if odometry else Vector3(x=0.0, y=0.0, z=0.0)
+    reading = Reading(
         time.monotonic(),
         np.array([origin[0] + x, origin[1] + y, turn]),
-        np.array(_turned(own.x, own.y, turn)),
+        np.array(_turned(twist.x, twist.y, turn)),
     )
-    if not (np.isfinite(seen.pose).all() and np.isfinite(seen.velocity).all()):
+    if not (np.isfinite(reading.pose).all() and np.isfinite(reading.velocity).all()):
         raise ValueError("not finite")
-    return seen
+    return reading
 
 
 def _turned(x: float, y: float, by: float) -> tuple[float, float]:

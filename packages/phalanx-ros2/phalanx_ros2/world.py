@@ -142,10 +142,10 @@ class Ros2:
         count = math.ceil((until - self._t) / self._step)
         times = np.linspace(self._t, until, count + 1)
         with self._lock:
-            found = {name: self._followed(name, times, now) for name in self._robots}
+            states = {name: self._followed(name, times, now) for name in self._robots}
             notes, self._notes = self._notes, []
         self._t = until
-        return WorldStates(times[1:], found, notes)
+        return WorldStates(times[1:], states, notes)
 
     def close(self) -> None:
         """Stop all robots, and leave them."""
@@ -171,8 +171,8 @@ class Ros2:
 
     def _followed(self, name: str, times: Array, now: float) -> Array:
         """Return a robot's states at times[1:], drawn to its odometry; now: of the last [s]."""
-        robot, seen = self._robots[name], self._link.newest(name)
-        late = now - seen.arrived > self.odometry_timeout
+        robot, reading = self._robots[name], self._link.newest(name)
+        late = now - reading.arrived > self.odometry_timeout
         if late != robot.lost:
             robot.lost = late
             what = f"no odometry for {self.odometry_timeout:g} s" if late else "odometry is back"
@@ -181,12 +181,14 @@ class Ros2:
         dt = float(times[1] - times[0])
         weight = 0.0 if late else 1.0 - math.exp(-dt / self.blend)
         begin, states = now - float(times[-1] - times[0]), []
-        there = robot.x if late else robot.led(seen, seen.arrived - self.odometry_delay, begin)
+        there = (
+            robot.x if late else robot.led(reading, reading.arrived - self.odometry_delay, begin)
+        )
         for _ in times[1:]:
             robot.x, there = (robot.move(x, robot.u, dt) for x in (robot.x, there))
             robot.x = robot.x + weight * (there - robot.x)
             states.append(robot.x)
-        robot.turn = float(seen.pose[2])
+        robot.turn = float(reading.pose[2])
         return np.array(states)
 
     def _command(self) -> None:
@@ -247,21 +249,21 @@ class _Robot:
         """Hold u from now on."""
         self.held.append(_Held(time.monotonic(), u))
 
-    def led(self, seen: Any, begin: float, end: float) -> Array:
+    def led(self, reading: Any, begin: float, end: float) -> Array:
         """Return the state at `end` to which a pose at `begin` and the inputs since then lead."""
         while len(self.held) > 1 and self.held[1].since <= begin:
             self.held.popleft()
-        x = self.nearest(seen)
+        x = self.nearest(reading)
         for (since, u), (until, _) in pairwise([*self.held, _Held(end, self.u)]):
             x = self.move(x, u, until - max(begin, since))
         return x
 
-    def nearest(self, seen: Any) -> Array:
+    def nearest(self, reading: Any) -> Array:
         """Return the state that odometry shows, its turn without a jump by 2π."""
         if self.turns:
-            return self.x + self.off(seen.pose)
-        shown = np.concatenate([seen.pose[:2], seen.velocity])
-        return np.asarray(shown[: len(self.x)])
+            return self.x + self.off(reading.pose)
+        state = np.concatenate([reading.pose[:2], reading.velocity])
+        return np.asarray(state[: len(self.x)])
 
     def integrate(self, dt: float) -> None:
         """Move a double integrator's commanded velocity on."""

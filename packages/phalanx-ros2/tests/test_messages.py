@@ -37,7 +37,7 @@ def state(replay: Replay, t: float) -> np.ndarray:
     return np.frombuffer(replay.frame(t).x)
 
 
-def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
+def markers_at(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
     """Every marker of a moment, by name and number."""
     frame, x, model = replay.frame(t), state(replay, t), replay.model
     poses, unsafe = model.kinematics.poses(x), [int(pair) for pair in model.values.unsafe(x)]
@@ -46,9 +46,9 @@ def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
         messages.violations(frame.t, model, poses.positions, unsafe),
         messages.static_markers(frame.t, model),
     )
-    found = ros.MarkerArray.deserialize(serialized(message)).markers
-    by_name = {(marker.ns, marker.id): marker for marker in found}
-    assert len(by_name) == len(found), "one would take the place of the other"
+    markers = ros.MarkerArray.deserialize(serialized(message)).markers
+    by_name = {(marker.ns, marker.id): marker for marker in markers}
+    assert len(by_name) == len(markers), "one would take the place of the other"
     return by_name
 
 
@@ -78,31 +78,31 @@ def test_a_pose_is_little_endian_cdr_of_where_an_agent_is_and_faces():
     payloads = [serialized(message) for message in pose_messages(12.000000001, poses)]
     assert {payload[:4] for payload in payloads} == {bytes([0, 1, 0, 0])}
     for i, payload in enumerate(payloads):
-        found = ros.PoseStamped.deserialize(payload)
-        assert (found.header.stamp.sec, found.header.stamp.nanosec) == (12, 1)
-        assert found.header.frame_id == "world"
-        place, turn = found.pose.position, found.pose.orientation
-        assert [place.x, place.y, place.z] == poses.positions[i].tolist()
+        stamped = ros.PoseStamped.deserialize(payload)
+        assert (stamped.header.stamp.sec, stamped.header.stamp.nanosec) == (12, 1)
+        assert stamped.header.frame_id == "world"
+        position, turn = stamped.pose.position, stamped.pose.orientation
+        assert [position.x, position.y, position.z] == poses.positions[i].tolist()
         assert [turn.w, turn.x, turn.y, turn.z] == rotations_to(poses.headings)[i].tolist()
 
 
 def test_every_agent_is_an_arrow_with_its_name_and_its_safety_radius(replay):
-    found, names = drawn(replay, 0.0), replay.model.names
+    markers, names = markers_at(replay, 0.0), replay.model.names
     for i, name in enumerate(names):
-        place = replay.history.trajectory[0][i]
-        disc = found["safety radius", i]
+        position = replay.history.trajectory[0][i]
+        disc = markers["safety radius", i]
         assert disc.type == ros.CYLINDER
         assert (disc.scale.x, disc.scale.y) == (1.0, 1.0), "two touch at the radius of 1 m"
-        assert [disc.pose.position.x, disc.pose.position.y] == place[:2].tolist()
-        assert found["agent", i].type == ros.ARROW
-        assert found["name", i].text == name
-    assert found["agent", 0].color.b > found["agent", 0].color.r, "the normal one is blue"
-    assert found["agent", 1].color.r > found["agent", 1].color.b, "adversaries are red"
+        assert [disc.pose.position.x, disc.pose.position.y] == position[:2].tolist()
+        assert markers["agent", i].type == ros.ARROW
+        assert markers["name", i].text == name
+    assert markers["agent", 0].color.b > markers["agent", 0].color.r, "the normal one is blue"
+    assert markers["agent", 1].color.r > markers["agent", 1].color.b, "adversaries are red"
 
 
 def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay):
     line = ("violated pairs", 0)
-    before, after = drawn(replay, 0.5), drawn(replay, replay.end)
+    before, after = markers_at(replay, 0.5), markers_at(replay, replay.end)
     assert before[line].action == ros.DELETE
     pairs = len(replay.summary.violations)
     assert (after[line].action, after[line].type) == (ros.ADD, ros.LINE_LIST)
@@ -112,8 +112,8 @@ def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay
 
 def static_markers(model: SceneModel) -> list[ros.Marker]:
     message = messages.array(messages.static_markers(0.0, model))
-    found: list[ros.Marker] = ros.MarkerArray.deserialize(serialized(message)).markers
-    return found
+    markers: list[ros.Marker] = ros.MarkerArray.deserialize(serialized(message)).markers
+    return markers
 
 
 def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
@@ -143,8 +143,8 @@ def test_a_fence_is_a_line_around_where_one_may_be():
 def test_diagnostics_hold_the_run_and_every_agent(replay):
     frame, model = replay.frame(replay.end), replay.model
     head = last_head(replay.summary, "")
-    found = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
-    run, *agents = found.status
+    message = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
+    run, *agents = message.status
     assert (run.level, run.name) == (ros.ERROR, "phalanx: run")
     assert run.message == f"violated: {replay.summary.reason}"
     figures = {value.key: value.value for value in run.values}
@@ -194,7 +194,7 @@ def test_topics_have_names_that_ros_2_allows():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ([], "expected either RUN or --run"),
         (["runs/x", "--namespace", "phalanx"], "--namespace: expected such as /phalanx"),
@@ -202,6 +202,6 @@ def test_topics_have_names_that_ros_2_allows():
         (["runs/x", "--domain", "233"], "--domain"),
     ],
 )
-def test_wrong_usage_is_one_line(arguments, said, capsys):
+def test_wrong_usage_is_one_line(arguments, message, capsys):
     assert status(["ros2", *arguments]) == USAGE_ERROR
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err

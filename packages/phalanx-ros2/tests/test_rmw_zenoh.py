@@ -51,5 +51,5 @@ def test_a_gid_is_the_128_bits_of_xxh3_its_low_half_first():
 
 def test_a_subscriptions_token_differs_from_a_publishers_in_its_kind_alone():
     publisher = TALKER.publisher_token(ZID, 10, "/chatter", STRING)
-    found = TALKER.subscription_token(ZID, 10, "/chatter", STRING)
-    assert found == publisher.replace("/MP/", "/MS/") != publisher
+    token = TALKER.subscription_token(ZID, 10, "/chatter", STRING)
+    assert token == publisher.replace("/MP/", "/MS/") != publisher

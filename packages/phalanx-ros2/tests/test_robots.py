@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from phalanx_ros2.cdr import message_type
-from phalanx_ros2.robots import Odometry, Seen, Twist, seen_of
+from phalanx_ros2.robots import Odometry, Reading, Twist, reading_of
 from phalanx_ros2.world import Ros2, _Held, _Robot
 
 import phalanx
@@ -38,14 +38,14 @@ def test_the_clients_hashes_are_those_of_the_types():
 
 
 def test_odometry_is_turned_and_moved_by_the_origin_of_its_frame():
-    seen = seen_of(odometry(), "odom", (1.0, 0.0, math.pi / 2))
-    assert seen.pose == pytest.approx([1.0, 2.0, math.pi / 2])
-    assert seen.velocity == pytest.approx([0.0, 0.5], abs=1e-12)
+    reading = reading_of(odometry(), "odom", (1.0, 0.0, math.pi / 2))
+    assert reading.pose == pytest.approx([1.0, 2.0, math.pi / 2])
+    assert reading.velocity == pytest.approx([0.0, 0.5], abs=1e-12)
 
 
 def test_odometry_of_another_frame_is_refused():
     with pytest.raises(ValueError, match="expected frame odom, got map"):
-        seen_of(odometry("map"), "odom", (0.0, 0.0, 0.0))
+        reading_of(odometry("map"), "odom", (0.0, 0.0, 0.0))
 
 
 def test_robots_need_real_time():
@@ -65,7 +65,7 @@ OWN = {"type": f"{__name__}:Renamed", "speed": 0.4, "turn_rate": 2.0, "offset": 
 
 
 @pytest.mark.parametrize(
-    ("scenario", "changes", "said"),
+    ("scenario", "changes", "message"),
     [
         ("ros2-robots", {"agents.0.dynamics": OWN}, "agent 1: expected unicycle, or single"),
         ("ros2-robots", {"world.robots": {"9": {}}}, "robots: expected names of agents, got 9"),
@@ -75,9 +75,9 @@ OWN = {"type": f"{__name__}:Renamed", "speed": 0.4, "turn_rate": 2.0, "offset": 
     ],
 )
 def test_agents_that_cannot_be_a_worlds_robots_are_refused_when_the_file_is_read(
-    scenario, changes, said
+    scenario, changes, message
 ):
-    with pytest.raises(ScenarioError, match=f"world: {said}"):
+    with pytest.raises(ScenarioError, match=f"world: {message}"):
         load(f"worlds/{scenario}", changes)
 
 
@@ -118,8 +118,8 @@ def test_a_pose_is_led_on_by_the_inputs_since_then(begin, end, x):
     robot = _Robot(WorldAgent("a", SingleIntegrator(1.0), np.zeros(2)))
     inputs = [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]
     robot.held = deque(map(_Held, (0.0, 10.0, 10.2), map(np.array, inputs)))
-    seen = Seen(0.0, np.zeros(3), np.zeros(2))
-    assert robot.led(seen, begin, end) == pytest.approx(x)
+    reading = Reading(0.0, np.zeros(3), np.zeros(2))
+    assert robot.led(reading, begin, end) == pytest.approx(x)
 
 
 def test_a_stopped_robot_is_led_on_by_no_input():
@@ -127,8 +127,8 @@ def test_a_stopped_robot_is_led_on_by_no_input():
     robot.hold(np.array([1.0, 0.0]))
     robot.stop()
     since = robot.held[-1].since
-    seen = Seen(0.0, np.zeros(3), np.zeros(2))
-    assert robot.led(seen, since, since + 1.0) == pytest.approx([0.0, 0.0])
+    reading = Reading(0.0, np.zeros(3), np.zeros(2))
+    assert robot.led(reading, since, since + 1.0) == pytest.approx([0.0, 0.0])
     assert len(robot.held) == 1
 
 

@@ -35,7 +35,7 @@ class Listener:
         self.samples: dict[str, list[tuple[bytes, bytes]]] = defaultdict(list)
         """Payload and attachment, by topic and type without its hash."""
         self.tokens: set[str] = set()
-        self.seen: set[str] = set()
+        self.announced: set[str] = set()
         self._subscriber = session.declare_subscriber(f"{domain}/**", self._on_sample)
         self._watch = session.liveliness().declare_subscriber(
             f"@ros2_lv/{domain}/**", self._on_token, history=True
@@ -50,7 +50,7 @@ class Listener:
         token = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT:
             self.tokens.add(token)
-            self.seen.add(token)
+            self.announced.add(token)
         else:
             self.tokens.discard(token)
 
@@ -95,9 +95,9 @@ def ros2(run: Path, *arguments: str) -> subprocess.Popen[str]:
 
 def finish(program: subprocess.Popen[str]) -> str:
     """Wait for a successful end, and return the output."""
-    _, said = program.communicate(timeout=150)
-    assert program.returncode == 0, said
-    return said
+    _, output = program.communicate(timeout=150)
+    assert program.returncode == 0, output
+    return output
 
 
 @pytest.fixture(scope="module")
@@ -126,18 +126,18 @@ def test_every_pose_is_a_state_of_the_recording(heard):
             at = int(np.searchsorted(times, round(message.header.t, 9)))
             assert times[at] == pytest.approx(message.header.t, abs=2e-9)
             poses = model.kinematics.poses(recording.x[at])
-            place, turn = message.pose.position, message.pose.orientation
-            assert [place.x, place.y, place.z] == poses.positions[i].tolist()
+            position, turn = message.pose.position, message.pose.orientation
+            assert [position.x, position.y, position.z] == poses.positions[i].tolist()
             assert [turn.w, turn.x, turn.y, turn.z] == rotations_to(poses.headings)[i].tolist()
 
 
 def test_tokens_tell_the_node_and_its_publishers_and_go_with_it(heard):
     _, listener = heard
-    (node,) = [token for token in listener.seen if "/NN/" in token]
+    (node,) = [token for token in listener.announced if "/NN/" in token]
     head, domain, session, *rest = node.split("/")
     assert (head, domain) == ("@ros2_lv", "7")
     assert rest == ["0", "0", "NN", "%", "%phalanx", "swarm"]
-    publishers = [token.split("/") for token in listener.seen - {node}]
+    publishers = [token.split("/") for token in listener.announced - {node}]
     assert {token[2] for token in publishers} == {session}
     assert len({token[4] for token in publishers}) == len(publishers), "each has a number"
     assert {(token[9], token[10]) for token in publishers} >= {
@@ -164,9 +164,9 @@ def test_messages_of_a_publisher_are_numbered_from_1_on_under_one_gid(heard):
 def test_the_swarm_is_drawn_and_what_stands_still_comes_again_for_the_late(heard):
     folder, listener = heard
     names = scene_model(read(folder).scenario).names
-    drawn = [{marker.ns for marker in message.markers} for message in listener.markers()]
-    assert all(found >= {"agent", "name", "safety radius"} for found in drawn)
-    assert 1 < sum("obstacle" in found for found in drawn) < len(drawn)
+    groups = [{marker.ns for marker in message.markers} for message in listener.markers()]
+    assert all(group >= {"agent", "name", "safety radius"} for group in groups)
+    assert 1 < sum("obstacle" in group for group in groups) < len(groups)
     assert [m.text for m in listener.markers()[-1].markers if m.ns == "name"] == list(names)
 
 
@@ -215,8 +215,8 @@ def test_a_router_that_is_not_there_is_one_line(heard):
     folder, _ = heard
     with reserved_endpoint() as nowhere:
         program = ros2(folder, "--router", nowhere, "--timeout", "0.5")
-        _, said = program.communicate(timeout=60)
+        _, output = program.communicate(timeout=60)
     assert program.returncode == 3
-    assert f"no hub at {nowhere} within 0.5 s" in said
-    assert "is rmw_zenohd running there?" in said
-    assert "Traceback" not in said
+    assert f"no hub at {nowhere} within 0.5 s" in output
+    assert "is rmw_zenohd running there?" in output
+    assert "Traceback" not in output

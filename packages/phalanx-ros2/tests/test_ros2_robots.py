@@ -18,13 +18,13 @@ from tests.process.ros2_robots import CUT, ROBOT, robots, run_with_robots
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 
-def said(run, text):
+def events_with(run, text):
     return [line for line in run.events["text"] if text in line]
 
 
 def test_robots_move_as_commanded_and_one_without_inputs_is_stopped(tmp_path):
     run, robots = run_with_robots(5.0, 1.5, tmp_path, {"1": ("--delay", "0.02")})
-    assert said(run, f"agent {CUT}: no input for 0.4 s, commanded to stop")
+    assert events_with(run, f"agent {CUT}: no input for 0.4 s, commanded to stop")
     assert all(robot["taken"] > 30 for robot in robots.values())
     assert robots[CUT]["zeros"] > 10
     assert all(robot["v"] == robot["w"] == 0.0 for robot in robots.values()), "stopped at the end"
@@ -66,20 +66,20 @@ def test_the_robots_of_the_example_serve_a_run_and_end_by_ctrl_c(tmp_path):
                 run = phalanx.run(scenario, out=tmp_path, real_time=1.0)
             finally:
                 swarm.send_signal(signal.SIGINT)
-                said = swarm.communicate(timeout=60)[0].splitlines()
+                lines = swarm.communicate(timeout=60)[0].splitlines()
     assert run.verdict in ("guaranteed", "safe")
-    assert [line.partition(":")[0] for line in said] == [f"robot {n}" for n in "12345"]
-    assert not any('"taken": 0' in line for line in said)
+    assert [line.partition(":")[0] for line in lines] == [f"robot {n}" for n in "12345"]
+    assert not any('"taken": 0' in line for line in lines)
 
 
 def test_a_robot_whose_odometry_ends_fails_an_assumption_by_its_name(tmp_path):
     run, _ = run_with_robots(4.0, 9.0, tmp_path, {"2": ("--silent-after", "30")})
     assert run.verdict != "guaranteed"
-    assert "odometry of agent 2" in {each.name for each in run.summary.assumptions}
+    assert "odometry of agent 2" in {a.name for a in run.summary.assumptions}
 
 
 def test_a_dry_run_sends_robots_nothing_and_says_so(tmp_path):
     run, robots = run_with_robots(2.0, 9.0, tmp_path, {}, ["world.dry_run=true"])
     assert [robot["taken"] for robot in robots.values()] == [0] * 5
-    assert "commands sent" in {each.name for each in run.summary.assumptions}
+    assert "commands sent" in {a.name for a in run.summary.assumptions}
     assert len(run.inputs) > 0

@@ -74,16 +74,18 @@ class Crazyflies:
             raise ValueError(f"expected more than {self._t:g} s, got {until:g}")
         count = math.ceil((until - self._t) / self._step)
         times = np.linspace(self._t, until, count + 1)
-        found = {name: self._moved(name, times) for name in self._x}
+        states = {name: self._moved(name, times) for name in self._x}
         self._t = until
-        return WorldStates(times[1:], found)
+        return WorldStates(times[1:], states)
 
     def _moved(self, name: str, times: Array) -> Array:
         """Return a drone's declared states at times[1:]."""
         states = []
         for before, t in pairwise(times.tolist()):
-            self._x[name], seen = self._motions[name].step(self._x[name], self._u[name], t - before)
-            states.append(seen)
+            self._x[name], declared = self._motions[name].step(
+                self._x[name], self._u[name], t - before
+            )
+            states.append(declared)
         return np.array(states)
 
 
@@ -95,8 +97,8 @@ class _Motion:
         rate, x, u, of = _identified(drone, model)
         self._lift = float(of["cmd_f_coef"] / of["mass"])
         at, dt = ca.SX.sym("x", x.numel() + 1), ca.SX.sym("dt")
-        given = ca.SX.sym("u", len(Quadrotor.inputs))
-        c, theta, phi = ca.vertsplit(given)
+        inputs = ca.SX.sym("u", len(Quadrotor.inputs))
+        c, theta, phi = ca.vertsplit(inputs)
         gain = (-of["rpy_coef"] / of["cmd_rpy_coef"]).tolist()
         r, n = at[-1], x.numel()
         command = ca.vertcat(
@@ -104,23 +106,23 @@ class _Motion:
         )
         model_rate = ca.Function("f", [x, u], [rate]).expand()(at[:n], command)
         rates = ca.vertcat(model_rate, (c - r) / lag if lag else 0.0)
-        field = ca.Function("f", [at, given], [rates])
+        field = ca.Function("f", [at, inputs], [rates])
         still = ca.SX.zeros(n + 1)
-        after = at + dt / 6 * weighted_rates(field, at, given, (still, still, still), dt)
+        after = at + dt / 6 * weighted_rates(field, at, inputs, (still, still, still), dt)
         # Position, attitude, velocity, rates of the attitude, thrust of each rotor [N], filter.
-        own = self._lift * after[12] - GRAVITY
-        seen = ca.vertcat(after[:3], after[6:9], own, after[4], after[3])
+        acceleration = self._lift * after[12] - GRAVITY
+        declared = ca.vertcat(after[:3], after[6:9], acceleration, after[4], after[3])
         if lag:
-            seen = ca.vertcat(seen, after[-1], after[10], after[9])
-        self.step = CompiledFunction([at, given, dt], [after, seen])
+            declared = ca.vertcat(declared, after[-1], after[10], after[9])
+        self.step = CompiledFunction([at, inputs, dt], [after, declared])
 
     def start(self, x: Array) -> Array:
         """Return the model's state and the filter's, shape (17,), for a declared state."""
-        place, velocity, (c, theta, phi) = x[:3], x[3:6], x[6:9]
+        position, velocity, (c, theta, phi) = x[:3], x[3:6], x[6:9]
         r, theta_rate, phi_rate = x[9:] if len(x) > 9 else np.zeros(3)
         angles, rates = [phi, theta, 0.0], [phi_rate, theta_rate, 0.0]
         thrusts = np.full(4, (GRAVITY + c) / self._lift)
-        return np.concatenate([place, angles, velocity, rates, thrusts, [r]])
+        return np.concatenate([position, angles, velocity, rates, thrusts, [r]])
 
 
 def _filter_lag(agent: WorldAgent) -> float:
@@ -134,7 +136,7 @@ def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[st
     before = os.environ.get(_SWITCH)
     os.environ[_SWITCH] = "1"
     try:
-        found = import_module(f"drone_models.{model}")
+        module = import_module(f"drone_models.{model}")
         parameters = import_module("drone_models.core").load_params(model, drone)
     except ModuleNotFoundError as error:
         raise ValueError(f"model: drone-models has no {model}") from error
@@ -142,8 +144,8 @@ def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[st
         raise ValueError(f"drone: drone-models has no {drone}") from error
     finally:
         os.environ.pop(_SWITCH) if before is None else os.environ.update({_SWITCH: before})
-    equations = found.symbolic_dynamics_euler
-    named = signature(equations).parameters.values()
-    wanted = [each.name for each in named if each.kind is Parameter.KEYWORD_ONLY]
-    rate, x, u, _ = equations(True, **{name: parameters[name] for name in wanted})
+    equations = module.symbolic_dynamics_euler
+    arguments = signature(equations).parameters.values()
+    names = [argument.name for argument in arguments if argument.kind is Parameter.KEYWORD_ONLY]
+    rate, x, u, _ = equations(True, **{name: parameters[name] for name in names})
     return rate, x, u, parameters

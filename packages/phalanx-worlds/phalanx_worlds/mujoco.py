@@ -79,8 +79,8 @@ class Mujoco:
             )
         for name, dynamics in agents.items():
             if tuple(dynamics.states) not in _STATES:
-                wanted = "dynamics with states of dynamic-unicycle or unicycle"
-                raise ValueError(f"agent {name}: expected {wanted}")
+                expected = "dynamics with states of dynamic-unicycle or unicycle"
+                raise ValueError(f"agent {name}: expected {expected}")
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         """Build the robots, and start them upright. Raises ValueError."""
@@ -102,7 +102,7 @@ class Mujoco:
         self._mujoco.mj_step(self._model, self._data, _SETTLING)
         self._data.qvel[:] = 0.0
         for agent, robot in zip(agents, self._robots.values(), strict=True):
-            robot.place(self._data, np.asarray(agent.start, dtype=float))
+            robot.put(self._data, np.asarray(agent.start, dtype=float))
         self._ahead = sorted(self.failures, key=lambda failure: failure.at)
 
     def reseed(self, seed: int) -> None:
@@ -126,8 +126,8 @@ class Mujoco:
                 self._fail(failure)
                 notes.append(WorldNote(self._t, str(failure)))
             parts.append(self._moved(min([until, *(failure.at for failure in self._ahead[:1])])))
-        found = {name: np.concatenate([part.x[name] for part in parts]) for name in self._robots}
-        return WorldStates(np.concatenate([part.t for part in parts]), found, notes)
+        states = {name: np.concatenate([part.x[name] for part in parts]) for name in self._robots}
+        return WorldStates(np.concatenate([part.t for part in parts]), states, notes)
 
     def _moved(self, until: float) -> WorldStates:
         count = math.ceil((until - self._t) / self._step * (1.0 - 1e-9))
@@ -181,7 +181,7 @@ class _Robot:
         self._built = _Built(mass + spun, turn + spun * (TRACK / 2) ** 2)
         self._theta = float(agent.start[2])
 
-    def place(self, data: Any, x: Array) -> None:
+    def put(self, data: Any, x: Array) -> None:
         """Put the robot at x, its wheels rolling."""
         nu, omega = x[3:] if self._n == 5 else (0.0, 0.0)
         theta = float(x[2])
@@ -196,8 +196,8 @@ class _Robot:
 
     def drive(self, data: Any) -> None:
         """Set the wheels' torques for the held input and the wheels' rates."""
-        left, right = WHEEL_RADIUS * data.qvel[self._v + 6 : self._v + 8]
-        nu, omega = (left + right) / 2, (right - left) / TRACK
+        v_left, v_right = WHEEL_RADIUS * data.qvel[self._v + 6 : self._v + 8]
+        nu, omega = (v_left + v_right) / 2, (v_right - v_left) / TRACK
         if self._n == 5:
             rate = self._rate(np.array([0.0, 0.0, 0.0, nu, omega]), self.u)[0]
             a, alpha = rate[3], rate[4]

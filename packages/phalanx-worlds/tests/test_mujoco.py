@@ -32,8 +32,8 @@ def driven(u, until, world=None, dynamics=HEAVY, start=START):
     world = world or Mujoco()
     world.begin(robots(dynamics, start), 0, 1e-3)
     world.hold("1", np.array(u))
-    found = world.advance(until)
-    return found.x["1"], found.notes
+    states = world.advance(until)
+    return states.x["1"], states.notes
 
 
 def needed(x, u, dynamics=HEAVY):
@@ -87,9 +87,9 @@ def test_robots_that_meet_push_each_other():
     towards = np.array([[0.0, 0.0, 0.0, 2.0, 0.0], [2.0, 0.0, np.pi, 2.0, 0.0]])
     world = Mujoco()
     world.begin([WorldAgent(str(k), HEAVY, x) for k, x in enumerate(towards)], 0, 1e-3)
-    found = world.advance(1.0)
-    apart = np.linalg.norm(found.x["0"][:, :2] - found.x["1"][:, :2], axis=1)
-    assert 0.45 < apart.min() < 0.55
+    states = world.advance(1.0)
+    distance = np.linalg.norm(states.x["0"][:, :2] - states.x["1"][:, :2], axis=1)
+    assert 0.45 < distance.min() < 0.55
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,7 @@ def test_a_run_in_which_a_robot_fails_is_not_guaranteed_and_says_why(failure, tm
     table = f'world={{ type = "mujoco", failures = [{{ at = 0.5, agent = "1", {failure} }}] }}'
     scenario = phalanx.load("worlds/rovers", ["duration=1.0", table])
     summary = phalanx.run(scenario, engine="in-process", out=tmp_path).summary
-    failed = {each.name: each.first for each in summary.assumptions if each.failed}
+    failed = {a.name: a.first for a in summary.assumptions if a.failed}
     if failure == "mass = 1.0":
         assert summary.outcome is Outcome.GUARANTEED
     else:

@@ -33,39 +33,39 @@ class PairBound:
         self._parts, self._motions = alone.parts, motions
         x, fields = alone.x, [m.dynamics for m in alone.members]
         u = ca.SX.sym("u", sum(len(d.inputs) for d in fields))
-        own = [(d, x[part]) for d, part in zip(fields, alone.parts, strict=True)]
-        drift = ca.vertcat(*[d.drift(state) for d, state in own])
-        actuation = ca.diagcat(*[d.actuation(state) for d, state in own])
+        agents = [(d, x[part]) for d, part in zip(fields, alone.parts, strict=True)]
+        drift = ca.vertcat(*[d.drift(state) for d, state in agents])
+        actuation = ca.diagcat(*[d.actuation(state) for d, state in agents])
         gradient = ca.jacobian(alone.h, x)
         rate = gradient @ (drift + actuation @ u)
         self._now = IntervalFunction([x], [alone.h, gradient @ drift, gradient @ actuation])
         self._within = IntervalFunction([x, u], [alone.h, gradient, ca.jacobian(rate, x)])
 
-    def horizons(self, place: int, x: Array, u: Array) -> Array:
+    def horizons(self, side: int, x: Array, u: Array) -> Array:
         """Time for which h <= 0 is certain [s], shape (s,); -inf where it is not certain now.
 
-        The agent's place is in the pair. x: states of both members when it applies its input u,
-        shapes (n, s) and (m, s).
+        side: of the agent in the pair, 0 or 1. x: states of both members when it applies its
+        input u, shapes (n, s) and (m, s).
         """
-        found = np.full(x.shape[1], -np.inf)
+        horizons = np.full(x.shape[1], -np.inf)
         for multiple, pieces in _HORIZONS:
-            T = multiple * self._motions[place].longest
-            todo = np.flatnonzero(found < T)
+            T = multiple * self._motions[side].longest
+            todo = np.flatnonzero(horizons < T)
             if todo.size:
-                tried = self._tried(place, x[:, todo], u[:, todo], T, pieces)
-                found[todo] = np.maximum(found[todo], tried)
-        return found
+                tried = self._tried(side, x[:, todo], u[:, todo], T, pieces)
+                horizons[todo] = np.maximum(horizons[todo], tried)
+        return horizons
 
-    def _tried(self, place: int, x: Array, u: Array, T: float, pieces: tuple[int, ...]) -> Array:
+    def _tried(self, side: int, x: Array, u: Array, T: float, pieces: tuple[int, ...]) -> Array:
         """Return the same up to T."""
         spans = np.full(x.shape[1], T)
         inputs = [
-            point(u) if l == place else motion.anywhere(len(spans))
+            point(u) if l == side else motion.anywhere(len(spans))
             for l, motion in enumerate(self._motions)
         ]
         motions = [
-            motion.moved(x[part], given, spans, pieces)
-            for motion, part, given in zip(self._motions, self._parts, inputs, strict=True)
+            motion.moved(x[part], applied, spans, pieces)
+            for motion, part, applied in zip(self._motions, self._parts, inputs, strict=True)
         ]
         return self._certain(x, motions, stack(inputs), spans)
 
@@ -73,10 +73,10 @@ class PairBound:
         (h, drift, actuation), now = self._now(point(x))
         box, rates = stack([m.box for m in motions]), stack([m.rates for m in motions])
         (_, gradient, growth), within = self._within(box, u)
-        known = np.logical_and.reduce([now, within, *[m.known for m in motions]])
+        proven = np.logical_and.reduce([now, within, *[m.proven for m in motions]])
         rate = add(add(drift[0], dot(actuation, u)), self._pushed(gradient)).hi
         bend = np.maximum(add(dot(growth, rates), self._pushed(growth)).hi, 0.0)
-        return np.where(known, _lasting(h[0].hi, rate, bend, T), -np.inf)
+        return np.where(proven, _lasting(h[0].hi, rate, bend, T), -np.inf)
 
     def _pushed(self, gradient: Interval) -> Interval:
         """Bound of the disturbances' effect on a rate with this gradient, shape (s,)."""

@@ -180,13 +180,13 @@ class _Run:
             alone = self._swarm.alone(pairs[0])
             motions = [self._motions[g] for g in kind[:2] if g is not None]
             bound = PairBound(alone, motions)
-            for place in range(2 if self._shared[pairs[0]] else 1):
-                own = self._ends[pairs, place]
-                for which, k in self._inputs.of(own, _AT_ONCE):
+            for side in range(2 if self._shared[pairs[0]] else 1):
+                agents = self._ends[pairs, side]
+                for which, k in self._inputs.of(agents, _AT_ONCE):
                     x, u = self._states(pairs[which], k, alone), self._inputs.u[:, k]
-                    inputs = u[: len(alone.members[place].dynamics.inputs)]
-                    found = bound.horizons(place, x, inputs)
-                    self._coverage.add(place, pairs[which], k, found)
+                    inputs = u[: len(alone.members[side].dynamics.inputs)]
+                    horizons = bound.horizons(side, x, inputs)
+                    self._coverage.add(side, pairs[which], k, horizons)
                     yield len(k)
 
     def certification(self) -> Certification:
@@ -210,19 +210,19 @@ class _Run:
 
     def _kinds(self) -> dict[_Kind, Index]:
         """The pairs of each kind."""
-        found: defaultdict[_Kind, list[int]] = defaultdict(list)
+        kinds: defaultdict[_Kind, list[int]] = defaultdict(list)
         for number, (a, b) in enumerate(self._swarm.pairs):
             static = b >= len(self._swarm.members)
             other = None if static else self._group[b]
-            found[self._group[a], other, b if static else None].append(number)
-        return {kind: np.array(pairs) for kind, pairs in found.items()}
+            kinds[self._group[a], other, b if static else None].append(number)
+        return {kind: np.array(pairs) for kind, pairs in kinds.items()}
 
     def _states(self, pairs: Index, k: Index, alone: ComposedSet) -> Array:
         """States of the members of pairs when inputs k took effect, shape (n, s)."""
         begins = np.array([part.start for part in self._parts])[self._ends[pairs]]
         rows = [
-            begins[:, place] + np.arange(len(member.dynamics.states))[:, None]
-            for place, member in enumerate(alone.members)
+            begins[:, side] + np.arange(len(member.dynamics.states))[:, None]
+            for side, member in enumerate(alone.members)
         ]
-        found: Array = self._x[np.concatenate(rows), self._inputs.state[k]]
-        return found
+        states: Array = self._x[np.concatenate(rows), self._inputs.state[k]]
+        return states

@@ -64,10 +64,10 @@ def inputs_of(
 
 def _held(member: Member, times: Array, steps: Sequence[StepRecord]) -> HeldInputs:
     m = len(member.dynamics.inputs)
-    own = sorted(steps, key=lambda step: step.t_apply)
-    if any(len(step.u) != m for step in own):
+    ordered = sorted(steps, key=lambda step: step.t_apply)
+    if any(len(step.u) != m for step in ordered):
         raise UncertifiableError(f"expected inputs of {m} components of agent {member.name}")
-    t, u = [step.t_apply for step in own], [step.u for step in own]
+    t, u = [step.t_apply for step in ordered], [step.u for step in ordered]
     if not t or t[0] > times[0]:
         t, u = [float(times[0]), *t], [(0.0,) * m, *u]
     since = np.array(t)
@@ -136,10 +136,10 @@ class Coverage:
         self.horizon = np.inf
         """The shortest certificate so far [s]."""
         self._gaps: tuple[list[_Gaps], list[_Gaps]] = ([_NONE], [_NONE])
-        """By the agent's place in the pair."""
+        """By the agent's side in the pair."""
 
-    def add(self, place: int, pairs: Index, k: Index, horizons: Array) -> None:
-        """Add the certified times of pairs [s] after the agent at `place` applies input k, (s,)."""
+    def add(self, side: int, pairs: Index, k: Index, horizons: Array) -> None:
+        """Add the certified times of pairs [s] after the agent at `side` applies input k, (s,)."""
         t, until = self._inputs.t[k], self._inputs.until[k]
         # Rounded down: no instant beyond the bound counts.
         end = np.minimum(np.nextafter(t + horizons, -np.inf), until)
@@ -147,8 +147,8 @@ class Coverage:
         self.lasting[k[short]] = False
         counted = horizons[self._counted[k]]
         self.horizon = min(self.horizon, float(counted.min(initial=np.inf)))
-        found = _Gaps(pairs[short], np.maximum(t, end)[short], until[short])
-        self._gaps[place].append(found)
+        gaps = _Gaps(pairs[short], np.maximum(t, end)[short], until[short])
+        self._gaps[side].append(gaps)
 
     def first_uncovered(self, shared: Mask, until: Array) -> tuple[float, int] | None:
         """Return the first uncovered instant [s] and its pair.
@@ -157,11 +157,11 @@ class Coverage:
         needs one [s], shapes (p,).
         """
         first, second = map(_in_order, self._gaps)
-        found = []
+        uncovered = []
         for pair in np.unique(first.pair).tolist():
             other = second.of(pair) if shared[pair] else _ALWAYS
-            found += [(t, pair) for t in _first_shared(first.of(pair), other)]
-        return min(((t, pair) for t, pair in found if t < until[pair]), default=None)
+            uncovered += [(t, pair) for t in _first_shared(first.of(pair), other)]
+        return min(((t, pair) for t, pair in uncovered if t < until[pair]), default=None)
 
 
 _ALWAYS = np.array([[-np.inf], [np.inf]])

@@ -23,16 +23,16 @@ from phalanx_certify.checker.intervals import (
 
 
 def _reciprocal(a: Interval) -> Interval:
-    apart = (a.lo > 0.0) | (a.hi < 0.0)
-    return where(apart, outward(1.0 / a.hi, 1.0 / a.lo))
+    nonzero = (a.lo > 0.0) | (a.hi < 0.0)
+    return where(nonzero, outward(1.0 / a.hi, 1.0 / a.lo))
 
 
 def _reaches(a: Interval, phase: float) -> Mask:
     """Return whether phase + 2πk may lie in a for some integer k; True in doubt."""
     first, last = (a.lo - phase) / (2 * np.pi), (a.hi - phase) / (2 * np.pi)
     doubt = 1e-9 + 1e-12 * np.maximum(np.abs(first), np.abs(last))
-    found: Mask = ~(np.ceil(first - doubt) > last + doubt)
-    return found
+    mask: Mask = ~(np.ceil(first - doubt) > last + doubt)
+    return mask
 
 
 def _wave(function: Callable[[Array], Array], top: float) -> Callable[[Interval], Interval]:
@@ -40,9 +40,9 @@ def _wave(function: Callable[[Array], Array], top: float) -> Callable[[Interval]
 
     def rule(a: Interval) -> Interval:
         ends = function(a.lo), function(a.hi)
-        found = moved(np.minimum(*ends), np.maximum(*ends))
-        low = np.where(_reaches(a, top + np.pi), -1.0, np.maximum(found.lo, -1.0))
-        return Interval(low, np.where(_reaches(a, top), 1.0, np.minimum(found.hi, 1.0)))
+        bounds = moved(np.minimum(*ends), np.maximum(*ends))
+        low = np.where(_reaches(a, top + np.pi), -1.0, np.maximum(bounds.lo, -1.0))
+        return Interval(low, np.where(_reaches(a, top), 1.0, np.minimum(bounds.hi, 1.0)))
 
     return rule
 
@@ -110,9 +110,9 @@ def _compared(
     return rule
 
 
-def _apart(a: Interval, b: Interval) -> Mask:
-    found: Mask = (a.hi < b.lo) | (a.lo > b.hi)
-    return found
+def _differs(a: Interval, b: Interval) -> Mask:
+    mask: Mask = (a.hi < b.lo) | (a.lo > b.hi)
+    return mask
 
 
 def _never(a: Interval, b: Interval) -> Mask:
@@ -120,8 +120,8 @@ def _never(a: Interval, b: Interval) -> Mask:
 
 
 def _below(a: Interval, b: Interval) -> Mask:
-    found: Mask = a.hi < b.lo
-    return found
+    mask: Mask = a.hi < b.lo
+    return mask
 
 
 def _arc_tangent_2(y: Interval, x: Interval) -> tuple[Interval, Mask]:
@@ -191,8 +191,8 @@ JUMPS: Mapping[int, _Jumping] = {
     ca.OP_CEIL: _rounding(np.ceil),
     ca.OP_LT: _compared(_below, lambda a, b: _below(b, a)),
     ca.OP_LE: _compared(_below, lambda a, b: _below(b, a)),
-    ca.OP_EQ: _compared(_never, _apart),
-    ca.OP_NE: _compared(_apart, _never),
+    ca.OP_EQ: _compared(_never, _differs),
+    ca.OP_NE: _compared(_differs, _never),
     ca.OP_NOT: _logical(np.logical_not),
     ca.OP_AND: _logical(np.logical_and),
     ca.OP_OR: _logical(np.logical_or),
@@ -220,9 +220,9 @@ class IntervalFunction:
             (f.instruction_id(k), f.instruction_input(k), f.instruction_output(k))
             for k in range(f.n_instructions())
         ]
-        known = {*RULES, *JUMPS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+        rules = {*RULES, *JUMPS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
         for op, _, _ in self._program:
-            if op not in known:
+            if op not in rules:
                 raise UndecidedError(f"no interval rule for the operation {_name(op)!r}")
 
     def __call__(self, *inputs: Interval) -> tuple[list[Interval], Mask]:

@@ -75,8 +75,8 @@ def square(a: Interval) -> Interval:
 def root(a: Interval) -> Interval:
     """√a; everything where a reaches below zero."""
     defined = a.lo >= 0.0
-    found = outward(np.sqrt(np.maximum(a.lo, 0.0)), np.sqrt(np.maximum(a.hi, 0.0)))
-    return where(defined, nonnegative(found))
+    roots = outward(np.sqrt(np.maximum(a.lo, 0.0)), np.sqrt(np.maximum(a.hi, 0.0)))
+    return where(defined, nonnegative(roots))
 
 
 def absolute(a: Interval) -> Interval:
@@ -88,10 +88,10 @@ def absolute(a: Interval) -> Interval:
 
 def total(a: Interval) -> Interval:
     """The sum along the first axis; 0 of nothing."""
-    found = point(np.zeros(a.lo.shape[1:]))
+    result = point(np.zeros(a.lo.shape[1:]))
     for k in range(len(a.lo)):
-        found = add(found, a[k])
-    return found
+        result = add(result, a[k])
+    return result
 
 
 def dot(a: Interval, b: Interval) -> Interval:
@@ -106,22 +106,22 @@ def norm(a: Interval) -> Interval:
 
 def inside(a: Interval, b: Interval) -> Mask:
     """Return whether a lies within b in every component, along the first axis."""
-    found: Mask = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
-    return found
+    mask: Mask = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
+    return mask
 
 
 def outward(low: Array, high: Array) -> Interval:
     """Widen by one float64 on both sides; everything where an end is NaN."""
-    return _known(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
+    return _defined(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
 
 
 def moved(low: Array, high: Array) -> Interval:
     """Widen by the error of library functions, which are not rounded to nearest."""
     margin = _LIBRARY * np.spacing(np.abs(low)), _LIBRARY * np.spacing(np.abs(high))
-    return _known(low - margin[0], high + margin[1])
+    return _defined(low - margin[0], high + margin[1])
 
 
-def _known(low: Array, high: Array) -> Interval:
+def _defined(low: Array, high: Array) -> Interval:
     return where(~(np.isnan(low) | np.isnan(high)), Interval(low, high))
 
 

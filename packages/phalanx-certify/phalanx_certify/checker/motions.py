@@ -50,7 +50,7 @@ class Motion(NamedTuple):
     """All states of the motion, shape (n, s)."""
     rates: Interval
     """f + g u, without φ, over the box, shape (n, s)."""
-    known: Mask
+    proven: Mask
     """Whether it is proven not to leave the box, shape (s,)."""
 
 
@@ -91,15 +91,15 @@ class GroupMotion:
 
         pieces: numbers of pieces of T, tried in turn until a box is found.
         """
-        found = self._in_pieces(x, u, T, pieces[0])
+        motion = self._in_pieces(x, u, T, pieces[0])
         for more in pieces[1:]:
-            lost = np.flatnonzero(~found.known)
+            lost = np.flatnonzero(~motion.proven)
             if lost.size:
                 again = self._in_pieces(x[:, lost], u[:, lost], T[lost], more)
-                for old, new in zip(found[:2], again[:2], strict=True):
+                for old, new in zip(motion[:2], again[:2], strict=True):
                     old.lo[:, lost], old.hi[:, lost] = new.lo, new.hi
-                found.known[lost] = again.known
-        return found
+                motion.proven[lost] = again.proven
+        return motion
 
     def enclosed(self, begin: Interval, u: Interval, T: Array) -> Motion:
         """Bound motions from `begin`, shape (n, s), by one Picard enclosure over all of T."""
@@ -127,7 +127,7 @@ class GroupMotion:
                 at = add(at, multiply(point(span), add(parts[-1].rates, Interval(-phi, phi))))
             parts.append(self.enclosed(at, u, span))
         box, rates = _hull([p.box for p in parts]), _hull([p.rates for p in parts])
-        return Motion(box, rates, np.logical_and.reduce([p.known for p in parts]))
+        return Motion(box, rates, np.logical_and.reduce([p.proven for p in parts]))
 
 
 def _hull(parts: list[Interval]) -> Interval:
@@ -143,7 +143,7 @@ class Reached(NamedTuple):
     """The end without disturbance, shape (n, s)."""
     distance: Array
     """Largest distance from there with disturbance, shape (s,)."""
-    known: Mask
+    proven: Mask
     """Whether these bounds are proven, shape (s,)."""
 
 
@@ -216,19 +216,19 @@ class MotionCheck:
             if not todo.size:
                 break
             span = Interval(np.maximum(dt.lo[todo], 0.0), dt.hi[todo])
-            found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
-            off = norm(absolute(subtract(end[:, todo], found.y)))
+            ends = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
+            off = norm(absolute(subtract(end[:, todo], ends.y)))
             size = np.maximum(np.abs(begin.lo), np.abs(end.lo))[:, todo].max(axis=0)
-            allowed = _TINY + found.distance + _ROUNDING * size
-            may[todo] = found.known & (off.hi <= allowed)
-            beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
+            allowed = _TINY + ends.distance + _ROUNDING * size
+            may[todo] = ends.proven & (off.hi <= allowed)
+            beyond[todo] = np.where(ends.proven, np.maximum(off.lo - allowed, 0.0), 0.0)
         return may, beyond
 
     def reached(self, begin: Interval, u: Interval, T: Interval, pieces: int) -> Reached:
         """Bound motions from `begin`, shape (n, s), after T, shape (s,), divided into pieces."""
         h = multiply(T, point(1.0 / pieces))
         y, distance = begin, np.zeros_like(h.lo)
-        known = np.ones(h.lo.shape, dtype=bool)
+        proven = np.ones(h.lo.shape, dtype=bool)
         phi = point(np.full((1, len(distance)), self._motion.disturbance - _DEFECT))
         for _ in range(pieces):
             within = self._motion.enclosed(add(y, Interval(-distance, distance)), u, h.hi)
@@ -240,26 +240,26 @@ class MotionCheck:
             # Without a bound of J: a motion of h F within B, and the effect of φ.
             pushed = add(point(distance), multiply(phi[0], h)).hi
             distance = np.where(lipschitz, grown.hi[0], pushed)
-            known &= within.known & np.isfinite(distance)
-            if not known.any():
+            proven &= within.proven & np.isfinite(distance)
+            if not proven.any():
                 break
-        return Reached(y, distance, known)
+        return Reached(y, distance, proven)
 
     def _undisturbed(
         self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Mask
     ) -> Interval:
         """Bound motions from y after h without disturbance; of first order unless smooth."""
-        found, left = add(y, multiply(h, within.rates)), smooth.copy()
+        end, pending = add(y, multiply(h, within.rates)), smooth.copy()
         derivatives, _ = self._at(y, u)
         for order, function in self._over.items():
             over, constant = function(within.box, u)
             sums = _taylor(y, [*derivatives[: order - 1], over[-1]], h)
-            some = left & constant & np.isfinite([sums.lo, sums.hi]).all(axis=(0, 1))
-            found = Interval(np.where(some, sums.lo, found.lo), np.where(some, sums.hi, found.hi))
-            left &= ~some
-            if not left.any():
+            some = pending & constant & np.isfinite([sums.lo, sums.hi]).all(axis=(0, 1))
+            end = Interval(np.where(some, sums.lo, end.lo), np.where(some, sums.hi, end.hi))
+            pending &= ~some
+            if not pending.any():
                 break
-        return found
+        return end
 
 
 def require_digits(t: Array, x: Array) -> None:
@@ -278,9 +278,9 @@ def require_digits(t: Array, x: Array) -> None:
 
 def _taylor(y: Interval, derivatives: Sequence[Interval], h: Interval) -> Interval:
     """y + h y' + h²/2 y'' + ..."""
-    found, term = y, point(np.ones_like(h.lo))
+    value, term = y, point(np.ones_like(h.lo))
     for k, derivative in enumerate(derivatives, start=1):
         share = Interval(np.nextafter(1.0 / k, 0.0), np.nextafter(1.0 / k, 2.0))
         term = multiply(multiply(term, h), share)
-        found = add(found, multiply(term, derivative))
-    return found
+        value = add(value, multiply(term, derivative))
+    return value
