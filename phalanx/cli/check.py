@@ -46,21 +46,20 @@ def check(
 def _show(scenario: "Scenario", report: "CheckReport") -> None:
     from rich.console import Console
 
-    from phalanx.cli.check_table import requirements
     from phalanx.cli.display import TextTable, styled
 
     echo(f"{scenario.name}: {report.answer}")
     table = TextTable("requirement", "found", "allowed", "paper")
-    for row in requirements(scenario, report):
-        found = styled(row.found, "" if row.holds else "yellow")
-        table.add_row(row.name, found, row.allowed, row.equation)
+    for row in report.table:
+        value = styled(row.value, "" if row.holds else "yellow")
+        table.add_row(row.name, value, row.allowed, row.equation)
     console = Console()
     console.print(table)
     bullet = textwrap.TextWrapper(
         console.width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )
-    for advice in report.words:
-        echo(*bullet.wrap(f"- {printable(advice)}"))
+    for sentence in report.words:
+        echo(*bullet.wrap(f"- {printable(sentence)}"))
 
 
 def compile_scenario(

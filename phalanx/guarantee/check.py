@@ -6,14 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from phalanx.guarantee.check_report import (
-    BoundaryCondition,
-    CheckReport,
-    advice,
-    longest_delay,
-    proof_gaps,
-    rounded,
-)
+from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
+from phalanx.guarantee.findings import Unknown, findings
 from phalanx.guarantee.formula import (
     Region,
     boundary,
@@ -23,6 +17,7 @@ from phalanx.guarantee.formula import (
     workspace,
     worst_pair,
 )
+from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.start import (
     ProvenRows,
     certified_start,
@@ -47,9 +42,6 @@ _BOUNDARY_STATES = 200
 _MOST_PAIRS = 500
 """With more, h_tot as one expression and the states of Theorem 3 take minutes."""
 
-_MOST_NAMES = 8
-"""Most names of agents in one sentence."""
-
 
 @np.errstate(all="ignore")  # what is not finite is said in words
 def check(
@@ -68,28 +60,13 @@ def check(
         scenario = load(scenario, trust=trust)
     swarm = build_swarm(scenario)
     progress("rows")
-    rows, x, box = require_runnable(swarm), swarm.start(), workspace(swarm)
-    unknown: list[str] = []
-    of_all = of_pair = boundary_condition = None
+    rows, x, box = require_runnable(swarm), swarm.start(), _workspace(swarm)
+    unknown = [box] if isinstance(box, Unknown) else []
+    of_all = of_pair = condition = None
     proven: dict[int, ProvenRows] = {}
-    if len(swarm.safe_set.pairs) > _MOST_PAIRS:
-        unknown.append(
-            "The constants of the paper's formula and Theorem 3 are not computed for more than "
-            f"{_MOST_PAIRS} pairs, since they take minutes; here are {len(swarm.safe_set.pairs)}. "
-            "Check fewer agents at the same density."
-        )
-        box = []
-    elif isinstance(box, tuple):
-        boundary_condition = _boundary_condition(rows, x, *box)
-    else:
-        missing = ", ".join(box)
-        example = f"for example {box[0]} = [-3.0, 3.0]"
-        unknown.append(
-            "The constants of the paper's formula and Theorem 3 are unknown: give bounds for "
-            f"{missing} in [workspace], {example}."
-        )
     try:
-        if isinstance(box, tuple):
+        if not isinstance(box, Unknown):
+            condition = _boundary_condition(rows, x, *box)
             progress("margins")
             drawn = drawn_states(scenario.seed, "inside", *box, _SAMPLES)
             region = Region(*box, states_inside(rows.invariants(), x, drawn))
@@ -97,82 +74,65 @@ def check(
         provable = rigorous(swarm)
         proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
     except ValueError as error:
-        unknown.append(f"No margin can be computed: {error}.")
+        unknown.append(Unknown("finite constants", f"No margin can be computed: {error}."))
     progress("certificates")
     certified, promise = certified_start(swarm), promised(swarm)
     progress("inputs at the start")
+    model, computed = swarm.safety.information_model, swarm.safety.computes_margin
+    normal = {i: swarm.names[i] for i in swarm.normal}
     report = CheckReport(
         relative_degree=rows.relative_degree,
         psi_at_start=_psi(rows, x),
-        eta_paper=_given(rows),
+        eta_paper={name: None if computed else rows.margin(i).eta for i, name in normal.items()},
         formula=of_all,
         pair_formula=of_pair,
-        eta_local={swarm.names[i]: proof.margin(swarm.horizon(i)) for i, proof in proven.items()},
+        eta_local={normal[i]: proof.margin(swarm.horizon(i)) for i, proof in proven.items()},
         rows_at_start=rows_at_start(rows),
-        boundary=boundary_condition,
-        horizon=max(swarm.horizon(i) for i in swarm.normal),
+        boundary=condition,
+        horizon=max(swarm.horizon(i) for i in normal),
         largest_gap=largest_gap(list(proven.values())) if proven else None,
-        largest_delay=longest_delay(swarm),
+        largest_delay=model.longest_delay if len(normal) > 1 else math.inf,
         gaps=proof_gaps(swarm),
         certified=certified,
         promised=promise,
     )
-    report.words.extend(
-        [
-            str(report.promised),
-            *_world(scenario),
-            *advice(swarm, report, unknown),
-            *_resting(swarm),
-            *_roles(rows),
-        ]
-    )
+    efforts = None if model.reads_roles else _efforts(rows)
+    report.findings.extend(findings(swarm, report, unknown, efforts))
     return report
 
 
-def _world(scenario: Scenario) -> list[str]:
-    """Return a sentence on a world of one's own, which no check knows."""
-    if scenario.world is None:
-        return []
-    return [
-        f"The robots move by {scenario.world['type']}, not by their declared dynamics. All of this "
-        "holds as far as a disturbance within the declared bounds explains their motion, which "
-        "the run checks."
-    ]
+def _workspace(swarm: Swarm) -> tuple[Array, Array] | Unknown:
+    """Return the box of states over which constants are computed, or why they are not."""
+    if len(swarm.safe_set.pairs) > _MOST_PAIRS:
+        return Unknown(
+            "fewer agents",
+            "The constants of the paper's formula and Theorem 3 are not computed for more than "
+            f"{_MOST_PAIRS} pairs, since they take minutes; here are {len(swarm.safe_set.pairs)}. "
+            "Check fewer agents at the same density.",
+        )
+    box = workspace(swarm)
+    if isinstance(box, tuple):
+        return box
+    return Unknown(
+        "set [workspace]",
+        "The constants of the paper's formula and Theorem 3 are unknown: give bounds for "
+        f"{', '.join(box)} in [workspace], for example {box[0]} = [-3.0, 3.0].",
+    )
 
 
-def _roles(rows: SafetyRows) -> list[str]:
-    """Return a sentence on what is taken for granted of roles, or what it costs at x(0) not to."""
-    if rows.swarm.safety.information_model.reads_roles:
-        return [
-            "Taken for granted: agents know who is an adversary, and no other becomes one. Where "
-            "any may be taken over take safety.information = 'unknown'."
-        ]
+def _efforts(rows: SafetyRows) -> tuple[float, float]:
+    """Return the mean ‖u - u_nom‖ at x(0), and that with halves of pairs and declared roles."""
     shared = with_safety(rows.swarm, composition="pairs", information="split")
     try:
-        own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
+        return effort_at_start(rows), effort_at_start(shared)
     except NotANumberError as error:
         raise ScenarioError(f"{rows.swarm.scenario.name}: at the start {error}") from error
-    able = list(rows_at_start(rows).values())
-    return [
-        "No agent reads a role: each counts everyone else at worst. At the start "
-        f"{sum(able)} of {len(able)} agents have an input in K_i, and inputs are {own} from "
-        f"nominal ones, on average; with halves of pairs, information = 'split', {split}."
-    ]
-
-
-def _resting(swarm: Swarm) -> list[str]:
-    """Return a sentence on normal agents that have no goal."""
-    names = [swarm.names[i] for i in swarm.normal if not swarm.has_goal(i)]
-    if not names:
-        return []
-    shown = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
-    return [f"Without goal, slots or flows: {shown}. A law that tracks keeps them at their start."]
 
 
 def _psi(rows: SafetyRows, x: Array) -> tuple[float, ...]:
     """Return the largest ψ_0, ..., ψ_{q-1} of all rows at a state, shape (n̄,)."""
-    each = rows.invariants()(x).reshape(-1, rows.relative_degree)
-    return tuple(each.max(axis=0).tolist())
+    psi = rows.invariants()(x).reshape(-1, rows.relative_degree)
+    return tuple(psi.max(axis=0).tolist())
 
 
 def _boundary_condition(
@@ -198,10 +158,3 @@ def _boundary_condition(
 def _largest_margin(rows: SafetyRows) -> float:
     """Return the largest margin of the normal agents' rows for h_tot; 0 if computed in the run."""
     return max(rows.margin(i).eta for i in rows.swarm.normal)
-
-
-def _given(rows: SafetyRows) -> dict[str, float | None]:
-    computed = rows.swarm.safety.computes_margin
-    return {
-        rows.swarm.names[i]: None if computed else rows.margin(i).eta for i in rows.swarm.normal
-    }

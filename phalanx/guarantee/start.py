@@ -160,10 +160,10 @@ class Promise(NamedTuple):
         if not self.time:
             return f"Nothing is promised ahead: no time is proven for {self.pair} at the start."
         rounded_down = np.floor(1e3 * self.time) / 1e3
-        meets = f" {self.pair} could be unsafe soon after, if its members did their worst."
+        limit = f" Worst-case inputs of {self.pair} could make it unsafe after that."
         return (
             f"Promised for the first {rounded_down:.3f} s: until then every pair is safe, whatever "
-            f"all agents do within their inputs.{meets if self.pair else ''}"
+            f"all agents do within their inputs.{limit if self.pair else ''}"
         )
 
 

@@ -7,7 +7,7 @@ apply depends on the scenario; some apply only after they failed.
 import numpy as np
 
 from phalanx.guarantee.certificate import DEFECT
-from phalanx.guarantee.check_report import proof_gaps
+from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.verdict import Assumption
 from phalanx.messages.kinds import Telemetry
 from phalanx.swarm.rows import SafetyRows

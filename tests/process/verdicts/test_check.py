@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.check import check
-from phalanx.guarantee.check_report import CheckReport, alpha_advice, proof_gaps
+from phalanx.guarantee.check_report import CheckReport
 from phalanx.guarantee.formula import Region, constants, drawn_states
+from phalanx.guarantee.proof_gaps import alpha_advice, proof_gaps
 from phalanx.guarantee.start import rows_at_start
 from phalanx.scenario.load import load
 from phalanx.theory.margins.margin import MarginConstants

@@ -6,7 +6,6 @@ import pytest
 
 import phalanx
 from phalanx.cli.app import status
-from phalanx.cli.check_table import requirements
 
 
 @pytest.fixture
@@ -39,7 +38,7 @@ def test_with_a_given_margin_only_certificates_promise_anything(check):
     formula, least, equation = table["margin η, by the formula"]
     assert (formula, equation) == ("0.3 m²/s", "(24)")
     assert re.fullmatch(r"at least [\d. ]+ m²/s", least)
-    assert table["effort left on the boundary"] == ["0.3 m²/s", "at most 0", "Th. 3 (33)"]
+    assert table["worst joint condition on ∂S_I"] == ["0.3 m²/s", "at most 0", "Th. 3 (33)"]
     assert "proves nothing here: the margin η is a given number" in words
 
 
@@ -77,7 +76,11 @@ def test_what_is_missing_is_named_with_its_setting(check):
     _, _, table, words = check("disturbance-gap")
     assert table["largest ψ_1 at the start"] == ["-74.2 m²/s", "at most 0", "(38)"]
     assert table["margin η, by the formula"] == ["0.5 m²/s²", "set [workspace]", "(42)"]
-    assert table["effort left on the boundary"] == ["not computed", "set [workspace]", "Th. 3 (33)"]
+    assert table["worst joint condition on ∂S_I"] == [
+        "not computed",
+        "set [workspace]",
+        "Th. 3 (33)",
+    ]
     assert "give bounds for vx, vy, vz in [workspace]" in words
 
 
@@ -130,13 +133,12 @@ def test_numbers_have_no_powers_of_ten(check):
 
 
 def test_what_does_not_hold_stands_out():
-    scenario = phalanx.load("unicycles")
-    rows = requirements(scenario, phalanx.check(scenario))
-    assert {row.name for row in rows if not row.holds} == {
+    table = phalanx.check("unicycles").table
+    assert {row.name for row in table if not row.holds} == {
         "agents with an input in K_i",
         "margin η, by the formula",
         "margin η, as a bound",
-        "effort left on the boundary",
+        "worst joint condition on ∂S_I",
         "an input is in force for",
         "gaps in the theorem's proof",
     }

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from phalanx.cli.check_table import requirements
 from phalanx.guarantee.check import check
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.runnable import require_runnable
@@ -125,8 +124,8 @@ def test_a_check_claims_no_proof_for_it(name):
     report = check(scenario)
     (gap,) = report.gaps
     assert gap.startswith(f"nothing proves that the margin reserves:{name} is a bound")
-    rows = [row for row in requirements(scenario, report) if row.name.startswith("margin")]
-    assert [(row.found, row.holds) for row in rows] == [(f"by reserves:{name}", None)]
+    rows = [row for row in report.table if row.name.startswith("margin")]
+    assert [(row.value, row.holds) for row in rows] == [(f"by reserves:{name}", None)]
 
 
 def test_a_table_of_a_built_in_name_is_that_name():

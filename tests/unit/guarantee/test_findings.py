@@ -1,0 +1,60 @@
+"""Findings of a check: a row of the table and its sentences say the same."""
+
+from dataclasses import replace
+
+import pytest
+
+from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
+from phalanx.guarantee.findings import Unknown, findings
+from phalanx.guarantee.start import CertifiedStart
+from tests.unit.swarms import checked, swarm_of_scenario
+
+SWARM = swarm_of_scenario("one-on-one")
+
+
+@pytest.fixture(scope="module")
+def report() -> CheckReport:
+    return checked("one-on-one")
+
+
+@pytest.mark.parametrize(
+    ("name", "holding", "failing"),
+    [
+        ("largest h at the start", {"psi_at_start": (0.0,)}, {"psi_at_start": (0.5,)}),
+        (
+            "agents certified at the start",
+            {"certified": CertifiedStart(True, {}, {"1": True})},
+            {"certified": CertifiedStart(True, {}, {"1": False})},
+        ),
+        (
+            "agents with an input in K_i",
+            {"rows_at_start": {"1": True}},
+            {"rows_at_start": {"1": False}},
+        ),
+        (
+            "worst joint condition on ∂S_I",
+            {"boundary": BoundaryCondition(1, -0.5)},
+            {"boundary": BoundaryCondition(1, 0.5)},
+        ),
+        ("gaps in the theorem's proof", {"gaps": []}, {"gaps": ["a reason"]}),
+    ],
+)
+def test_a_row_that_fails_has_a_sentence_and_one_that_holds_has_none(
+    report, name, holding, failing
+):
+    for changes, holds in ((holding, True), (failing, False)):
+        listed = findings(SWARM, replace(report, **changes), [], None)
+        (finding,) = [finding for finding in listed if finding.row and finding.row.name == name]
+        assert finding.row.holds is holds
+        assert bool(finding.words) is not holds
+
+
+@pytest.mark.parametrize("setting", ["set [workspace]", "fewer agents"])
+def test_the_table_asks_for_the_setting_that_the_sentence_asks_for(report, setting):
+    unknown = Unknown(setting, f"Constants are unknown: {setting}.")
+    nothing = replace(report, formula=None, pair_formula=None, boundary=None)
+    listed = findings(SWARM, nothing, [unknown], None)
+    rows = {finding.row.name: finding.row for finding in listed if finding.row}
+    assert rows["margin η, by the formula"].allowed == setting
+    assert rows["worst joint condition on ∂S_I"].allowed == setting
+    assert unknown.words in [sentence for finding in listed for sentence in finding.words]
