@@ -49,14 +49,13 @@ from phalanx.theory.laws.law import (
 )
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.margin import IntegratedMargin, LocalMargin, Margin, PairRow
-from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
     DynamicUnicycle,
-    KinematicBicycle,
     Unicycle,
 )
 from phalanx.theory.models.world import World, WorldAgent, WorldStates
@@ -92,8 +91,6 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Unicycle",
     "DynamicUnicycle",
     "DifferentialDrive",
-    "KinematicBicycle",
-    "PlanarQuadrotor",
     "Quadrotor",
     "IdentifiedQuadrotor",
     # Worlds

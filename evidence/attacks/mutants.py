@@ -16,7 +16,10 @@ from pathlib import Path
 
 from tests.hostile.mutants import MUTANTS, ROOT, Mutant, broken
 
-COPIED = ("phalanx", "agent", "plant", "viewer", "packages", "tests", "scenarios", "docs")
+COPIED = (
+    *("phalanx", "agent", "plant", "viewer", "packages"),
+    *("tests", "scenarios", "docs", "examples"),
+)
 LAYERS = {"quick": "not slow and not nightly and not swarm", "test": "not nightly"}
 """What each selects, as in the Makefile; the first is the fastest."""
 SURVIVED = "SURVIVED"

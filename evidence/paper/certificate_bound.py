@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 import phalanx
+from examples.bicycles import Bicycle
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
@@ -28,7 +29,7 @@ from phalanx.theory.models.integrators import (
     TripleIntegrator,
 )
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
@@ -70,9 +71,7 @@ KINDS = {
         5.0,
         3.0,
     ),
-    "bicycles": Kind(
-        KinematicBicycle(2.0, 0.7), KinematicBicycle(1.5, 0.7), [1.0, 1.0], 0.4, 0.02, 1.0, 3.0
-    ),
+    "bicycles": Kind(Bicycle(2.0, 0.7), Bicycle(1.5, 0.7), [1.0, 1.0], 0.4, 0.02, 1.0, 3.0),
     "triple integrators": Kind(
         TripleIntegrator(2.0), TripleIntegrator(1.5), [1.0, 1.0, 1.0], 0.3, 0.05, 1.0, 2.0
     ),

@@ -40,7 +40,7 @@ from phalanx.theory.rows.information import Information
 
 MODELS: dict[int, list[str]] = {
     1: ["single-integrator", "unicycle"],
-    2: ["double-integrator", "bicycle"],
+    2: ["double-integrator", "examples.bicycles:Bicycle"],
     3: ["triple-integrator"],
 }
 
@@ -76,7 +76,7 @@ def random_scenario(index: int) -> tuple[dict[str, Any], CommandPolicy]:
     q = chance.of([1, 1, 2, 2, 3])
     planar = chance.happens(0.75)
     radius, duration = chance.uniform(0.5, 2.0), chance.uniform(1.0, 3.0)
-    models = [m for m in MODELS[q] if planar or m not in ("unicycle", "bicycle")]
+    models = [m for m in MODELS[q] if planar or m not in ("unicycle", "examples.bicycles:Bicycle")]
     safety = _safety(chance, q, radius)
     counts = chance.of([1, 2, 3]), chance.of([0, 1, 1, 2])
     if small := q == 3 and safety["margin"] != "paper":  # others take minutes to compile
@@ -148,7 +148,7 @@ def _state(chance: Chance, model: str, p: list[float]) -> list[float]:
     match model:
         case "unicycle":
             return [*p, chance.uniform(-3.1, 3.1)]
-        case "bicycle":
+        case "examples.bicycles:Bicycle":
             return [*p, chance.uniform(-3.1, 3.1), chance.uniform(0.1, 1.0)]
         case "double-integrator":
             return [*p, *[chance.uniform(-0.5, 0.5) for _ in p]]
@@ -168,7 +168,7 @@ def _dynamics(chance: Chance, model: str, dimension: int) -> dict[str, Any]:
         case "double-integrator":
             table |= {"acceleration": chance.scale(0.5, 6.0), "dimension": dimension}
             table |= {"drag": chance.of([0.0, 0.5, 2.0])}
-        case "bicycle":
+        case "examples.bicycles:Bicycle":
             table |= {"acceleration": chance.scale(0.5, 4.0), "steering": chance.uniform(0.2, 1.0)}
         case "triple-integrator":
             table |= {"jerk": chance.scale(1.0, 20.0), "dimension": dimension}

@@ -22,8 +22,6 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "double-integrator": "phalanx.theory.models.integrators:DoubleIntegrator",
         "triple-integrator": "phalanx.theory.models.integrators:TripleIntegrator",
         "differential-drive": "phalanx.theory.models.wheeled:DifferentialDrive",
-        "bicycle": "phalanx.theory.models.wheeled:KinematicBicycle",
-        "planar-quadrotor": "phalanx.theory.models.aerial:PlanarQuadrotor",
         "quadrotor": "phalanx.theory.models.aerial:Quadrotor",
         "identified-quadrotor": "phalanx.theory.models.aerial:IdentifiedQuadrotor",
     },

@@ -14,9 +14,11 @@ import phalanx
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MOST_LINES = 60
 SAYS = {
+    "bicycles.py": "guaranteed - largest h -",
     "commands.py": "agent 2 killed",
     "first_run.py": "h_tot",
     "own_law.py": "guaranteed - largest h -",
+    "planar_quadrotors.py": "guaranteed - largest h -",
     "plot.py": "worst pair",
     "step_by_step.py": "the same bits: True",
     "study.py": "worst h",

@@ -13,8 +13,7 @@ from phalanx.schema.built_in import BUILT_IN
 SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = """
     Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
-    Unicycle DynamicUnicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
-    IdentifiedQuadrotor
+    Unicycle DynamicUnicycle DifferentialDrive Quadrotor IdentifiedQuadrotor
     World WorldAgent WorldStates
     SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall Box Polygon
     Limit Drawable Fence Band

@@ -119,7 +119,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2700,
     "swarm": 1400,
-    "theory": 8520,
+    "theory": 8440,
     "viewer": 5300,
     "wire": 700,
 }

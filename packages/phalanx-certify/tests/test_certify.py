@@ -342,7 +342,11 @@ MODELS = {
         0.5,
         3,
     ),
-    "bicycle": ({"type": "bicycle", "acceleration": 4.0, "steering": 0.5}, 0.3, 4),
+    "bicycle": (
+        {"type": "examples.bicycles:Bicycle", "acceleration": 4.0, "steering": 0.5},
+        0.3,
+        4,
+    ),
 }
 
 

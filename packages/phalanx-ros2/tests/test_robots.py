@@ -15,7 +15,7 @@ from examples.ros2_robots import robot
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import DynamicUnicycle, Unicycle
 from phalanx.theory.models.world import WorldAgent
 
 HOME = robot.Pose(robot.Vector3(2.0, 0.0), robot.Quaternion(0.0, 0.0, 0.0, 1.0))
@@ -88,7 +88,7 @@ def test_a_field_of_a_world_is_named_by_its_path():
 
 def test_only_planar_robots_can_be_driven():
     with pytest.raises(ValueError, match="agent car: expected unicycle"):
-        Ros2().require_robots({"car": KinematicBicycle(1.0, 1.0)})
+        Ros2().require_robots({"car": DynamicUnicycle(1.0, 1.0)})
 
 
 def test_a_velocity_is_commanded_in_the_robots_own_axes():

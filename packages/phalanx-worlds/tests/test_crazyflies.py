@@ -9,7 +9,7 @@ import pytest
 from phalanx_worlds.crazyflies import Crazyflies
 
 import phalanx
-from phalanx.extend import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor, WorldAgent
+from phalanx.extend import IdentifiedQuadrotor, Quadrotor, TripleIntegrator, WorldAgent
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.swarm.swarm import build_swarm
 from phalanx.testing import check_world
@@ -60,7 +60,7 @@ def test_names_that_the_package_does_not_have_are_refused(field):
 
 def test_drones_with_other_coordinates_are_refused():
     with pytest.raises(ValueError, match="agent one: expected dynamics with states of quadrotor"):
-        Crazyflies().require_robots({"one": PlanarQuadrotor(thrust=4.0, tilt=0.4)})
+        Crazyflies().require_robots({"one": TripleIntegrator(jerk=4.0)})
 
 
 FITTED = "so_rpy_rotor_drag"

@@ -15,14 +15,13 @@ from phalanx.recording.read import read, swarm_of
 from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.registry import lookup
 from phalanx.seeded.draws import Draws
-from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
     DynamicUnicycle,
-    KinematicBicycle,
     Unicycle,
 )
 
@@ -33,8 +32,6 @@ MODELS: list[Dynamics] = [
     Unicycle(speed=4.0, turn_rate=2.0),
     DynamicUnicycle(acceleration=4.0, turn_acceleration=8.0, drag=1.0, turn_drag=4.0),
     DifferentialDrive(wheel_rate=20.0, wheel_radius=0.05, track=0.3),
-    KinematicBicycle(acceleration=2.0, steering=0.5),
-    PlanarQuadrotor(thrust=4.0, tilt=0.4),
     Quadrotor(thrust=4.0, tilt=0.4),
     IdentifiedQuadrotor(3.0, 0.3, 0.11554, 0.05, stiffness=319.14, damping=20.85, drag=0.425),
 ]

@@ -24,7 +24,6 @@ TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
     "double-integrator": ({"acceleration": 2.0, "drag": 0.5, "dimension": 3}, [1.0, 2.0], 2),
     "triple-integrator": ({"jerk": 4.0, "dimension": 2}, [1.0, 3.0, 3.0], 3),
     "differential-drive": ({"wheel_rate": 20.0, "wheel_radius": 0.1, "track": 0.5}, [], 1),
-    "planar-quadrotor": ({"thrust": 5.0, "tilt": 0.5}, [8.0, 12.0, 6.0], 3),
     "quadrotor": ({"thrust": 5.0, "tilt": 0.5}, [8.0, 12.0, 6.0], 3),
     "identified-quadrotor": (
         {
@@ -38,7 +37,6 @@ TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
         [150.0, 300.0, 50.0, 5.0],
         4,
     ),
-    "bicycle": ({"acceleration": 2.0, "steering": 1.0}, [1.0, 2.0], 2),
 }
 
 

@@ -2,8 +2,9 @@
 
 from functools import cache
 
+from examples.bicycles import Bicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.function import Distance, HeadingAware, Separation
 from phalanx.theory.safety.obstacles import Sphere, Wall
@@ -19,7 +20,7 @@ _SWARMS = {
     "equal by ==": (1, [Boosted(1.0), Boosted(1.0, gain=3.0)] * 2, Separation(1.0)),
     "accelerations": (
         2,
-        [DoubleIntegrator(2.0, 0.7, 2)] * 3 + [KinematicBicycle(1.0, 1.0, 1.0)] * 2,
+        [DoubleIntegrator(2.0, 0.7, 2)] * 3 + [Bicycle(1.0, 1.0, 1.0)] * 2,
         Distance(1.0),
     ),
     "jerks": (3, [TripleIntegrator(1.0, 2)] * 4, Oval()),

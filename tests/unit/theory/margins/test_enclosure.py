@@ -21,13 +21,13 @@ from phalanx.theory.margins.enclosure import (
 from phalanx.theory.margins.integrated import INFLATIONS
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import DynamicUnicycle, Unicycle
 from phalanx.theory.safety.composition import Member
 from tests.layers import layered
 from tests.unit.theory.users_own import Rail
 
 PHI = 0.5
-CASES = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
+CASES = {"unicycle": Unicycle(4.0, 2.0), "dynamic unicycle": DynamicUnicycle(2.0, 4.0)}
 
 
 @cache

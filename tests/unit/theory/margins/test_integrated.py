@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples.bicycles import Bicycle
+from examples.planar_quadrotors import PlanarQuadrotor
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
 from phalanx.theory.margins.integrated import (
@@ -17,7 +19,6 @@ from phalanx.theory.margins.integrated import (
     keeps_chain,
     time_until_zero,
 )
-from phalanx.theory.models.aerial import PlanarQuadrotor
 from phalanx.theory.models.integrators import (
     DoubleIntegrator,
     SingleIntegrator,
@@ -27,7 +28,6 @@ from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
     DynamicUnicycle,
-    KinematicBicycle,
     Unicycle,
 )
 from phalanx.theory.safety.chain import build_chain
@@ -44,7 +44,7 @@ CASES = {
     "single integrators": (SingleIntegrator(1.5), [1.3], 0.05),
     "unicycles": (Unicycle(4.0, 2.0), [2.0], 0.05),
     "double integrators": (DoubleIntegrator(2.0, 0.5, 2), [0.6, 0.9], 0.1),
-    "bicycles": (KinematicBicycle(2.0, 0.7), [0.6, 0.9], 0.05),
+    "bicycles": (Bicycle(2.0, 0.7), [0.6, 0.9], 0.05),
     "triple integrators": (TripleIntegrator(2.0, 2), [0.6, 0.9, 1.1], 0.1),
     "differential drives": (DifferentialDrive(20.0, 0.1, 0.4), [2.0], 0.05),
     "dynamic unicycles": (DynamicUnicycle(4.0, 8.0, 0.25, 1.0, 4.0), [0.6, 0.9], 0.05),

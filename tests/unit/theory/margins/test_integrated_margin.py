@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples.bicycles import Bicycle
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import STEEPEST, RowPart, integrated_margin
 from phalanx.theory.margins.local import local_margin
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
@@ -29,7 +30,7 @@ CASES = {
     "single integrators": (SingleIntegrator(1.5), []),
     "unicycles": (Unicycle(4.0, 2.0), []),
     "double integrators": (DoubleIntegrator(4.0, 0.5, 2), [1.0]),
-    "bicycles": (KinematicBicycle(3.0, 1.5), [1.0]),
+    "bicycles": (Bicycle(3.0, 1.5), [1.0]),
 }
 
 

@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples.bicycles import Bicycle
 from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.local import UNKNOWN, local_margin
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
@@ -28,7 +29,7 @@ CASES = {
     "single integrators": (SingleIntegrator(1.5), [1.3], 0.05),
     "unicycles": (Unicycle(4.0, 2.0), [2.0], 0.012),
     "double integrators": (DoubleIntegrator(2.0, 0.5, 2), [0.6, 0.9], 0.05),
-    "bicycles": (KinematicBicycle(2.0, 0.7), [0.6, 0.9], 0.02),
+    "bicycles": (Bicycle(2.0, 0.7), [0.6, 0.9], 0.02),
 }
 
 
@@ -95,7 +96,7 @@ def unit(rng: np.random.Generator, n: int) -> np.ndarray:
 
 def test_without_an_enclosure_the_margin_is_beyond_every_row():
     """A bicycle that may turn by many radians before it samples again."""
-    members = [Member("a", KinematicBicycle(50.0, 50.0, 0.01), False)]
+    members = [Member("a", Bicycle(50.0, 50.0, 0.01), False)]
     composed = compose(members, [Sphere((5.0, 0.0), 1.0)], Separation(1.0), 1.0)
     chain = build_chain(composed, [1.0, 1.0], None, [1.0])
     margin = CompiledFunction([composed.x], [local_margin(chain, 0, 10.0, [1.0], RowPart.WHOLE)])

@@ -12,13 +12,12 @@ from phalanx.attacks.presets import preset
 from phalanx.guarantee.formula import workspace
 from phalanx.scenario.load import load, read_table
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import angles, box_polytope, heading
 from phalanx.theory.models.integrators import DoubleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
     DynamicUnicycle,
-    KinematicBicycle,
     Unicycle,
 )
 
@@ -54,9 +53,7 @@ class Skater:
         (Unicycle(speed=1.0, turn_rate=2.0), "theta", {"theta"}),
         (DynamicUnicycle(acceleration=1.0, turn_acceleration=2.0), "theta", {"theta"}),
         (DifferentialDrive(wheel_rate=9.0, wheel_radius=0.1, track=0.5), "theta", {"theta"}),
-        (KinematicBicycle(acceleration=1.0, steering=0.5), "theta", {"theta"}),
         (Skater(), "bearing", {"bearing"}),
-        (PlanarQuadrotor(thrust=4.0, tilt=0.3), None, {"theta"}),
         (Quadrotor(thrust=4.0, tilt=0.3), None, {"theta", "phi"}),
         (IdentifiedQuadrotor(4.0, 0.3, 0.1, 0.1, 100.0, 10.0), None, {"theta", "phi"}),
         (DoubleIntegrator(acceleration=1.0), None, set()),

@@ -1,4 +1,4 @@
-"""Quadrotors: zero inputs hover, tilts accelerate, and the planar one is a slice of the other."""
+"""Quadrotors: zero inputs hover, tilts accelerate, and a planar one is a slice of one in space."""
 
 import casadi as ca
 import numpy as np
@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from examples.planar_quadrotors import PlanarQuadrotor
 from phalanx.theory.arrays import Array
-from phalanx.theory.models.aerial import GRAVITY, PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import GRAVITY, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
 
 SPACE, PLANE = Quadrotor(4.0, 0.5), PlanarQuadrotor(4.0, 0.5)

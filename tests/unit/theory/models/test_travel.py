@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import DifferentialDrive, DynamicUnicycle, Unicycle
@@ -24,7 +24,6 @@ BOUNDED = {
     "dynamic unicycle with drag": (DynamicUnicycle(4.0, 8.0, 0.25, 1.0, 4.0), [4.0, 8.0]),
     "differential drive": (DifferentialDrive(20.0, 0.1, 0.4), [20.0, 20.0]),
     "differential drive, long nose": (DifferentialDrive(20.0, 0.1, 0.4, 0.6), [20.0, 20.0]),
-    "planar quadrotor": (PlanarQuadrotor(4.0, 0.5), [4.0, 0.5]),
     "quadrotor": (Quadrotor(4.0, 0.5), [4.0, 0.5, 0.5]),
 }
 

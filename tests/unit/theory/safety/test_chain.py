@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples.bicycles import Bicycle
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import RelativeDegreeError, build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.obstacles import Sphere, Wall
@@ -39,7 +40,7 @@ SWARMS: dict[str, tuple[int, Callable[[], Case]]] = {
             [DoubleIntegrator(3.0, drag, 2) for drag in (0.7, 0.2, 0.7)], function=Oval(), rho=1.5
         ),
     ),
-    "bicycles": (2, lambda: swarm_of([KinematicBicycle(1.0, 1.0, 0.4)] * 2, rho=1.0)),
+    "bicycles": (2, lambda: swarm_of([Bicycle(1.0, 1.0, 0.4)] * 2, rho=1.0)),
     "triple integrators": (
         3,
         lambda: swarm_of(

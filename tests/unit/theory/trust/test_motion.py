@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from examples.bicycles import Bicycle
+from examples.planar_quadrotors import PlanarQuadrotor
 from phalanx.guarantee.certificate import DEFECT
-from phalanx.theory.models.aerial import PlanarQuadrotor
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.trust.motion import MotionCheck
 from tests.unit.theory.trust.windows import windows
 
@@ -17,7 +18,7 @@ DYNAMICS: dict[str, Dynamics] = {
     "unicycle": Unicycle(4.0, 2.0),
     "single integrator": SingleIntegrator(4.0),
     "double integrator": DoubleIntegrator(3.0, drag=0.4),
-    "bicycle": KinematicBicycle(2.0, 0.5, 0.3),
+    "bicycle": Bicycle(2.0, 0.5, 0.3),
     "quadrotor": PlanarQuadrotor(5.0, 0.5, 0.1, 0.1),
 }
 
