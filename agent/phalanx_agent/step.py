@@ -19,7 +19,7 @@ from phalanx.messages.kinds import (
 )
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed
-from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, BroadcastInbox, BroadcastRange, DeliveryReport
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
@@ -98,7 +98,7 @@ class ControlStep:
         self._lies = swarm.links.lies(self.name)
         self.most_fates = _most_fates(swarm)
         """Most fates in one report."""
-        self._unreported: tuple[Fate, ...] = ()
+        self._unreported: tuple[DeliveryReport, ...] = ()
         """Fates that are decided and not yet reported to the plant."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
@@ -197,7 +197,7 @@ class ControlStep:
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
-            self._broadcasts(sample, Claim(t_apply, claimed)),
+            self._broadcasts(sample, AnnouncedInput(t_apply, claimed)),
             Telemetry(
                 k=sample.k,
                 report=result.report(time.perf_counter() - began),
@@ -217,7 +217,7 @@ class ControlStep:
         """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
-    def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
+    def _broadcasts(self, sample: Sample, truth: AnnouncedInput) -> dict[int, Broadcast]:
         if not self._lies.declared:
             return dict.fromkeys(sample.hearers, _broadcast(sample.k, truth))
         past, names = self._past, self.swarm.names
@@ -234,7 +234,7 @@ class ControlStep:
         past.append(truth.u)
         return {l: _broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
 
-    def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
+    def _decide_fates(self, accepted: Accepted) -> tuple[DeliveryReport, ...]:
         sample, x = accepted.sample, accepted.x
         fates = self.inbox.advance(
             self._clock.counted(self.inbox, accepted.existing),
@@ -279,7 +279,7 @@ def control_steps(
     return [ControlStep(rows, i, CentralisedPart(whole, i), membership) for i in rows.swarm.normal]
 
 
-def _broadcast(k: int, claim: Claim) -> Broadcast:
+def _broadcast(k: int, claim: AnnouncedInput) -> Broadcast:
     return Broadcast(k=k, t_apply=claim.t_apply, u=claim.u)
 
 

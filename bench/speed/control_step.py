@@ -25,7 +25,7 @@ import numpy as np
 from cbfpy_peer import Peer, push
 
 import phalanx
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -94,7 +94,7 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
             visible = swarm.seen(i, x)
             yield Sampled(step.t, x, visible, u_nom, received, u, binding)
         elif l in newest:
-            newest[l].append(Claim(step.t_apply, tuple(step.u)))
+            newest[l].append(AnnouncedInput(step.t_apply, tuple(step.u)))
 
 
 def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:

@@ -70,12 +70,12 @@ class Effect(NamedTuple):
 
     text: str
     """The event log's, after the agent's name."""
-    leads_from: frozenset[Condition]
+    valid_in: frozenset[Condition]
     """Conditions in which the command has an effect."""
-    leads_to: Condition | None
+    new_condition: Condition | None
     """None: the condition before the failure."""
     process: ProcessChange | None = None
-    harms: bool = True
+    is_failure: bool = True
     """True if the agent fails, False if a failure ends."""
 
 
@@ -89,11 +89,11 @@ EFFECTS: Mapping[str, Effect] = {
         frozenset({Condition.DEAD}),
         None,
         ProcessChange.STARTS,
-        harms=False,
+        is_failure=False,
     ),
     CommandKind.FREEZE: Effect("frozen", _RUNS, Condition.FROZEN, ProcessChange.STOPS),
     CommandKind.THAW: Effect(
-        "thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON, harms=False
+        "thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON, is_failure=False
     ),
     CommandKind.TURN: Effect("turned adversary", frozenset({Condition.FINE}), Condition.TURNED),
     CommandKind.HIJACK: Effect(
@@ -129,9 +129,9 @@ class Command(msgspec.Struct, frozen=True):
         return self.effect is not None or self.kind in LINK_COMMANDS
 
     @property
-    def harms(self) -> bool:
+    def is_failure(self) -> bool:
         """True if it makes an agent fail, or changes links."""
-        return self.kind in LINK_COMMANDS or (self.effect is not None and self.effect.harms)
+        return self.kind in LINK_COMMANDS or (self.effect is not None and self.effect.is_failure)
 
     def __str__(self) -> str:
         """Return the command as a line of the event log."""
@@ -222,13 +222,13 @@ class FaultState:
         if (effect := command.effect) is None:
             return None
         i = self._names.index(command.agent)
-        if self.condition[i] not in effect.leads_from:
+        if self.condition[i] not in effect.valid_in:
             return None
-        if effect.leads_to is Condition.TURNED:
+        if effect.new_condition is Condition.TURNED:
             self.turned.add(i)
             self._hidden |= {i} if command.kind == CommandKind.HIJACK else set()
         before = Condition.TURNED if i in self.turned else Condition.FINE
-        self.condition[i] = effect.leads_to or before
+        self.condition[i] = effect.new_condition or before
         return i
 
     def active_commands(self, i: int) -> ActiveCommands | None:
@@ -241,9 +241,9 @@ class FaultState:
 
 def turns(names: Sequence[str], commands: Iterable[Command]) -> dict[str, float]:
     """Return the time [s] at which each agent became an adversary by these commands, in order."""
-    state, found = FaultState(tuple(names)), dict[str, float]()
+    state, times = FaultState(tuple(names)), dict[str, float]()
     for command in commands:
         changed = state.apply(command)
         if changed is not None and state.condition[changed] is Condition.TURNED:
-            found.setdefault(names[changed], command.t)
-    return found
+            times.setdefault(names[changed], command.t)
+    return times

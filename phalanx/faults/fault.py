@@ -60,7 +60,7 @@ class Occurrence(NamedTuple):
     """One occurrence of a fault at one agent, in force in [begin, end)."""
 
     fault: "AgentFault"
-    place: int
+    fault_index: int
     """Index in the scenario's list of faults."""
     number: int
     """Index in phalanx.scenario.declared.Links.declared."""
@@ -85,8 +85,8 @@ class Fault(Strict):
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError unless it fits the scenario's agents, by name."""
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Return its effect on the links of a run, as entry number `place` of the list."""
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
+        """Return its effect on the links of a run, as entry number `index` of the list."""
         return lambda link: ()
 
 
@@ -136,12 +136,12 @@ class AgentFault(Fault):
         """Return the end of an occurrence that begins at t [s]."""
         return math.inf
 
-    def times(self, run: RunFacts, place: int) -> Iterator[tuple[float, str]]:
+    def times(self, run: RunFacts, index: int) -> Iterator[tuple[float, str]]:
         """Return the times of its occurrences [s], each with the agent's name."""
         agents = self.agents or run.names
         if self.rate is None:
             return ((self.at or 0.0, name) for name in agents)
-        tables = Tables(run.seeds, "fault", str(place), width=2)
+        tables = Tables(run.seeds, "fault", str(index), width=2)
         return random_times(self.rate, agents, run.duration, tables)
 
 

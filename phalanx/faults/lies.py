@@ -17,7 +17,7 @@ from phalanx.faults.fault import (
     TimedFault,
     require_names,
 )
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.network.rule import Cut
 from phalanx.schema.fields import INPUT, WORD, Name, Sent, field_error
 from phalanx.seeded.draws import Draws, Seeds
@@ -73,7 +73,7 @@ class LieFault(TimedFault):
         """Return whether this peer receives the lie."""
         return not self.to or receiver in self.to
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Return a cut of the agent's links to the receivers of the lie, if it is silent."""
         cut = (self.during(Cut()),) if self.silent else ()
         return lambda link: (
@@ -90,7 +90,7 @@ Past = Callable[[int], tuple[float, ...] | None]
 class PeerClaim(NamedTuple):
     """The claim that one peer receives."""
 
-    claim: Claim
+    claim: AnnouncedInput
     lies: tuple[int, ...]
     """Numbers of the declared lies that changed it."""
 
@@ -100,13 +100,15 @@ class Lies:
 
     def __init__(self, seeds: Seeds, name: str, declared: Mapping[int, LieFault]) -> None:
         """Keep the lies of one agent among those declared, by number."""
-        own = {number: fault for number, fault in declared.items() if fault.agent == name}
-        self.declared = {number: fault for number, fault in own.items() if not fault.silent}
-        self.steps_back = max((fault.replay or 0 for fault in own.values()), default=0)
+        lies = {number: fault for number, fault in declared.items() if fault.agent == name}
+        self.declared = {number: fault for number, fault in lies.items() if not fault.silent}
+        self.steps_back = max((fault.replay or 0 for fault in lies.values()), default=0)
         """The most steps that a replay goes back."""
         self._seeds, self._name = seeds, name
 
-    def claim(self, receiver: str, k: int, truth: Claim, past: Past, now: float = 0.0) -> PeerClaim:
+    def claim(
+        self, receiver: str, k: int, truth: AnnouncedInput, past: Past, now: float = 0.0
+    ) -> PeerClaim:
         """Return the claim that broadcast k makes to one peer; decided now [s]."""
         claim, changed_by = truth, list[int]()
         for number, fault in self.declared.items():
@@ -116,11 +118,11 @@ class Lies:
         return PeerClaim(claim, tuple(changed_by))
 
     def _changed(
-        self, claim: Claim, fault: LieFault, receiver: str, k: int, past: Past, now: float
-    ) -> Claim:
+        self, claim: AnnouncedInput, fault: LieFault, receiver: str, k: int, past: Past, now: float
+    ) -> AnnouncedInput:
         u = claim.u
         if fault.apply_time is not None:
-            return Claim(claim.t_apply + fault.apply_time, u)
+            return AnnouncedInput(claim.t_apply + fault.apply_time, u)
         if isinstance(fault.says, tuple):
             u = fault.says
         elif fault.says is not None:
@@ -132,4 +134,4 @@ class Lies:
             draws = Draws(seed, "equivocation", self._name, receiver, width=len(u))[k]
             pairs = zip(u, draws.tolist(), strict=True)
             u = tuple(value * (2.0 * draw - 1.0) for value, draw in pairs)
-        return Claim(claim.t_apply, u)
+        return AnnouncedInput(claim.t_apply, u)

@@ -51,10 +51,10 @@ class Partition(TimedFault):
 
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError for an unknown name, or if all agents stay connected."""
-        place = (*where, "groups")
-        require_names(itertools.chain(*self.groups), agents, place)
+        field = (*where, "groups")
+        require_names(itertools.chain(*self.groups), agents, field)
         if len(self._complete(tuple(agents))) < 2 and not self.shape:
-            raise field_error(place, "expected two groups, or an agent in no group", self.groups)
+            raise field_error(field, "expected two groups, or an agent in no group", self.groups)
         # Of two agents both are a majority.
         least = 2 if self.shape == "isolate" else 3
         if self.shape and len(agents) < least:
@@ -62,10 +62,10 @@ class Partition(TimedFault):
                 (*where, "shape"), f"expected {least} agents or more to part", self.shape
             )
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Cut the links between the groups."""
         if self.shape:
-            draws = Draws(run.seeds.at(self.at), "partition", str(place))
+            draws = Draws(run.seeds.at(self.at), "partition", str(index))
             cut = links_cut(self.shape, run.names, draws)
         else:
             cut = links_between(self._complete(run.names), self.one_way)
@@ -96,7 +96,7 @@ class HoldFault(_FaultOfSomeLinks):
             raise field_error(("of",), message, self.of)
         return self
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Delay every message that would arrive before the end until the end."""
         held = (Hold(self.at, self.end),)
         return lambda link: held if self.concerns(*link) else ()
@@ -107,7 +107,7 @@ class LinkFault(_FaultOfSomeLinks, LinkOverride):
 
     kind: Literal["link"]
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Build the table's rules for each link: a user's rules may have a state."""
         return lambda link: (
             [self.during(rule, field if "." in field else "") for field, rule in self.fields()]
@@ -134,8 +134,8 @@ def links_between(groups: Sequence[Sequence[str]], one_way: bool = False) -> fro
     """Return the links between different groups; one way: only those out of the first group."""
     return frozenset(
         (sender, receiver)
-        for place, (a, b) in enumerate(itertools.permutations(groups, 2))
-        if not one_way or place < len(groups) - 1
+        for n, (a, b) in enumerate(itertools.permutations(groups, 2))
+        if not one_way or n < len(groups) - 1
         for sender in a
         for receiver in b
     )
@@ -154,8 +154,8 @@ def links_cut(shape: Shape, names: Sequence[str], draws: Draws) -> frozenset[End
     if shape == "isolate":
         return links_between([order[:1], order[1:]])
     heard = {
-        (order[(place + ahead) % len(order)], receiver)
-        for place, receiver in enumerate(order)
+        (order[(k + ahead) % len(order)], receiver)
+        for k, receiver in enumerate(order)
         for ahead in range(majority)
     }
     return frozenset(link for link in itertools.permutations(order, 2) if link not in heard)

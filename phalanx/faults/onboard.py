@@ -65,14 +65,14 @@ class OnboardFault(TemporaryAgentFault):
         """The link that it cuts, if any."""
         return None
 
-    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+    def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Cut the link during each occurrence of the fault."""
         if self.cuts is None:
-            return super().on_links(run, place)
+            return super().on_links(run, index)
         cuts: defaultdict[LinkEnds, list[During]] = defaultdict(list)
-        for t, name in self.times(run, place):
-            own = LinkEnds(name, name, self.cuts)
-            cuts[own].append(During(t, self.until(t), Cut()))
+        for t, name in self.times(run, index):
+            link_ends = LinkEnds(name, name, self.cuts)
+            cuts[link_ends].append(During(t, self.until(t), Cut()))
         return lambda link: cuts.get(link, ())
 
 
@@ -143,24 +143,24 @@ class AgentClock:
         self._clock, self._least = clock, least
         self._drifts: list[tuple[float, Occurrence]] = []
         jumps: list[_Jump] = []
-        for each in occurrences:
-            if not isinstance(fault := each.fault, ClockFault):
+        for occurrence in occurrences:
+            if not isinstance(fault := occurrence.fault, ClockFault):
                 continue
             if fault.drift is not None:
-                self._drifts.append((fault.drift, each))
+                self._drifts.append((fault.drift, occurrence))
             elif fault.step is not None:
-                jumps.append(_Jump(each.begin, fault.step, each.number))
+                jumps.append(_Jump(occurrence.begin, fault.step, occurrence.number))
             elif fault.skew is not None:
-                jumps.append(_Jump(each.begin, fault.skew, each.number))
-                jumps.append(_Jump(each.end, -fault.skew, each.number))
+                jumps.append(_Jump(occurrence.begin, fault.skew, occurrence.number))
+                jumps.append(_Jump(occurrence.end, -fault.skew, occurrence.number))
         self._jumps = sorted(jumps)
 
     def after(self, k: int, t: float, now: float = 0.0) -> float:
         """Return the time of tick k + 1 [s], given that tick k was at t [s]; decided now [s]."""
         right, drift = self._clock.after(k, t, now), 0.0
-        for each, occurrence in self._drifts:
+        for rate, occurrence in self._drifts:
             if occurrence.in_force(t):
-                drift += each
+                drift += rate
                 self.faults[occurrence.number] += 1
         # Occurrences may overlap, and a sum of -1 would stop the time.
         due = right + min(max(drift, _LEAST_DRIFT), _MOST_DRIFT) * (right - t)
@@ -199,19 +199,19 @@ class Sensors:
         """states: names by agent. occurrences: those not of sensors are ignored."""
         self.faults: Counter[int] = Counter()
         """Number of samples that each declared fault falsified."""
-        ends = np.cumsum([len(own) for own in states.values()]).tolist()
+        ends = np.cumsum([len(names) for names in states.values()]).tolist()
         self._parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
         self._errors: defaultdict[int, list[_Error]] = defaultdict(list)
         names = list(states)
-        for each in occurrences:
-            if isinstance(fault := each.fault, SensorFault) and not fault.silent:
-                own = states[each.agent]
-                bias = np.array([fault.bias.get(state, 0.0) for state in own])
-                noise = np.array([fault.noise.get(state, 0.0) for state in own])
-                purpose = "fault", str(each.place), "noise", each.agent
-                tables = Tables(seeds, *purpose, width=len(own))
-                error = _Error(each, bias, noise, tables)
-                self._errors[names.index(each.agent)].append(error)
+        for occurrence in occurrences:
+            if isinstance(fault := occurrence.fault, SensorFault) and not fault.silent:
+                agent_states = states[occurrence.agent]
+                bias = np.array([fault.bias.get(state, 0.0) for state in agent_states])
+                noise = np.array([fault.noise.get(state, 0.0) for state in agent_states])
+                purpose = "fault", str(occurrence.fault_index), "noise", occurrence.agent
+                tables = Tables(seeds, *purpose, width=len(agent_states))
+                error = _Error(occurrence, bias, noise, tables)
+                self._errors[names.index(occurrence.agent)].append(error)
 
     def measured(self, i: int, k: int, t: float, x: Array) -> Array:
         """Return the stacked state x, shape (n̄,), as measured in agent i's sample k at t [s].

@@ -18,7 +18,7 @@ from phalanx.launcher.engine import (
     execute,
     silent,
 )
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step, StepData
 from phalanx.scenario.model import Scenario
@@ -141,7 +141,9 @@ def _decided(step: ControlStep, shown: StepData, recorded: Step, states: StateCo
     names = step.swarm.names
     seen = tuple(map(names.index, shown.seen))
     x = states.unpack(np.array(shown.x, dtype="<f8").tobytes(), seen)
-    received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
+    received = {
+        names.index(sender): AnnouncedInput(since, tuple(u)) for sender, since, u in shown.received
+    }
     result = step.decide(x, seen, shown.t, received)
     return msgspec.structs.replace(
         recorded,

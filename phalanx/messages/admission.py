@@ -82,14 +82,14 @@ _Rule = tuple[str, tuple[str, ...], tuple[str, ...]]
 
 
 def _agent(keys: Keys, names: tuple[str, ...], heard: Container[str]) -> list[_Rule]:
-    own = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
-    own += [keys.broadcast(name, "*") for name in names if name in heard]
-    own += [keys.copy(key) for key in own]
-    seen = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
+    to_hub = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
+    to_hub += [keys.broadcast(name, "*") for name in names if name in heard]
+    to_hub += [keys.copy(key) for key in to_hub]
+    readable = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
     return [
-        ("ingress", ("put",), tuple(own)),
+        ("ingress", ("put",), tuple(to_hub)),
         ("ingress", ("liveliness_token",), tuple(keys.alive(name) for name in names)),
-        *_listening(keys, seen, keys.alive(PLANT), keys.alive(ROUTER)),
+        *_listening(keys, readable, keys.alive(PLANT), keys.alive(ROUTER)),
     ]
 
 
@@ -123,9 +123,9 @@ def _router(keys: Keys) -> list[_Rule]:
     return [(flow, messages, (keys.everything,)) for flow in both]
 
 
-def _listening(keys: Keys, seen: tuple[str, ...], *tokens: str) -> Iterator[_Rule]:
-    yield "ingress", ("declare_subscriber",), seen
-    yield "egress", ("put",), seen
+def _listening(keys: Keys, readable: tuple[str, ...], *tokens: str) -> Iterator[_Rule]:
+    yield "ingress", ("declare_subscriber",), readable
+    yield "egress", ("put",), readable
     yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), tokens
     yield "egress", ("liveliness_token",), tokens
     # Without it a publisher has no subscribers, and silently sends nothing.

@@ -12,7 +12,7 @@ import msgspec
 from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.step_report import AppliedStep, StepReport
-from phalanx.network.inbox import Conviction, Fate
+from phalanx.network.inbox import Conviction, DeliveryReport
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
 
@@ -114,7 +114,7 @@ class Telemetry(Message, frozen=True, kw_only=True):
     report: StepReport
     ages: tuple[tuple[int, float], ...]
     """(agent's index, age [s]) of each û_l that its row used."""
-    fates: tuple[Fate, ...] = ()
+    fates: tuple[DeliveryReport, ...] = ()
     """Fates of broadcasts that were decided since the last report."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""

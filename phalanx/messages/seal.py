@@ -88,8 +88,8 @@ class Sealer:
         """
         payload = bytearray(self.seal(key, message))
         # Knuth's multiplier: another byte and other bits for each number, but reproducible.
-        place = number * 2654435761
-        payload[place % len(payload)] ^= 1 + place % 255
+        mixed = number * 2654435761
+        payload[mixed % len(payload)] ^= 1 + mixed % 255
         return self.open(key, bytes(payload), type(message))
 
     def _mac(self, key: str, body: bytes) -> bytes:

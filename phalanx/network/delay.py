@@ -93,12 +93,12 @@ class JitteredDelay:
     distribution: Distribution = "uniform"
 
     def __str__(self) -> str:
-        kept = f", correlation {self.correlation:g}" if self.correlation else ""
-        return f"{1e3 * self.time:g} ± {1e3 * self.jitter:g} ms, {self.distribution}{kept}"
+        suffix = f", correlation {self.correlation:g}" if self.correlation else ""
+        return f"{1e3 * self.time:g} ± {1e3 * self.jitter:g} ms, {self.distribution}{suffix}"
 
     def treat(self, message: Message) -> Treatment:
-        place = message.draw(BASIC, 1, kept=self.correlation)
-        return delay(max(0.0, self.time + self.jitter * quantile(self.distribution, place)))
+        share = message.draw(BASIC, 1, kept=self.correlation)
+        return delay(max(0.0, self.time + self.jitter * quantile(self.distribution, share)))
 
 
 @dataclass(frozen=True)
@@ -174,11 +174,11 @@ def quantile(distribution: Distribution, u: float) -> float:
     """Return the value that a share u in [0, 1) of all values lies below."""
     if distribution == "uniform":
         return 2.0 * u - 1.0
-    place = u * _CELLS
-    cell = int(place)
+    position = u * _CELLS
+    cell = int(position)
     table = _table(distribution)
     low, high = float(table[cell]), float(table[cell + 1])
-    return low + (place - cell) * (high - low)
+    return low + (position - cell) * (high - low)
 
 
 @cache

@@ -56,8 +56,8 @@ def read_capture(lines: Iterable[str], unit: Unit | None = None) -> Array:
     head = next(reader, [])
     if "delay" not in head:
         raise CaptureError(f"line 1: expected a column delay, got {head}")
-    place, only = head.index("delay"), len(head) == 1
-    read = [_delay(row[place:], reader.line_num) for row in reader if row or only]
+    column, only = head.index("delay"), len(head) == 1
+    read = [_delay(row[column:], reader.line_num) for row in reader if row or only]
     delays = _SECONDS[unit or "s"] * np.array(read)
     if np.count_nonzero(np.isfinite(delays)) < _FEW:
         raise CaptureError(f"expected at least {_FEW} messages that were not lost")
@@ -77,10 +77,10 @@ def fit(delays: Array) -> FittedLink:
     if arrived.std() <= _CONSTANT * arrived.mean():
         table["delay"], distance = _rounded(arrived.mean()), 0.0
     else:
-        found = [_fitted(arrived, kind) for kind in get_args(Distribution)]
-        distance, table["delay"] = min(found, key=lambda each: each[0])
-        if kept := _correlation(delays):
-            table["delay"]["correlation"] = kept
+        fits = [_fitted(arrived, kind) for kind in get_args(Distribution)]
+        distance, table["delay"] = min(fits, key=lambda each: each[0])
+        if correlation := _correlation(delays):
+            table["delay"]["correlation"] = correlation
     if lost.any():
         table["loss"] = _loss(lost)
     return FittedLink(table, len(delays), int(lost.sum()), float(np.median(arrived)), distance)
@@ -88,12 +88,12 @@ def fit(delays: Array) -> FittedLink:
 
 def _fitted(arrived: Array, kind: Distribution) -> tuple[float, dict[str, Any]]:
     """Fit time and jitter of one distribution; return the distance and the fields of `delay`."""
-    places = (np.arange(len(arrived)) + 0.5) / len(arrived)
-    scaled = np.array([quantile(kind, u) for u in places.tolist()])
+    shares = (np.arange(len(arrived)) + 0.5) / len(arrived)
+    scaled = np.array([quantile(kind, u) for u in shares.tolist()])
     jitter, time = (max(0.0, float(c)) for c in np.polyfit(scaled, arrived, 1))
     # The model's share of delays below each measured one, compared with the measured share.
     below = np.searchsorted(np.maximum(0.0, time + jitter * scaled), arrived) / len(arrived)
-    distance = float(np.abs(below - places).max())
+    distance = float(np.abs(below - shares).max())
     return distance, {"time": _rounded(time), "jitter": _rounded(jitter), "distribution": kind}
 
 
@@ -103,9 +103,9 @@ def _correlation(delays: Array) -> float:
     both = np.isfinite(one) & np.isfinite(next_one)
     if np.count_nonzero(both) < _FEW:
         return 0.0
-    found = float(np.corrcoef(one[both], next_one[both])[0, 1])
+    correlation = float(np.corrcoef(one[both], next_one[both])[0, 1])
     chance = _SIGNIFICANT / math.sqrt(np.count_nonzero(both))
-    return _rounded(min(found, 0.99)) if found > chance else 0.0
+    return _rounded(min(correlation, 0.99)) if correlation > chance else 0.0
 
 
 def _loss(lost: Mask) -> float | dict[str, float]:

@@ -11,7 +11,7 @@ from phalanx.network.link import Link
 from phalanx.theory.rows.information import ReceivedInput
 
 
-class Claim(msgspec.Struct, array_like=True, frozen=True):
+class AnnouncedInput(msgspec.Struct, array_like=True, frozen=True):
     """A broadcast's statement of its sender's input, true or not."""
 
     t_apply: float
@@ -32,7 +32,7 @@ BroadcastRange = tuple[int, int]
 """First and last number of one sender's broadcasts that a receiver's sample counts."""
 
 
-class Fate(msgspec.Struct, array_like=True, frozen=True):
+class DeliveryReport(msgspec.Struct, array_like=True, frozen=True):
     """A receiver's report on one broadcast: received or lost."""
 
     sender: int
@@ -41,7 +41,7 @@ class Fate(msgspec.Struct, array_like=True, frozen=True):
     """Delay of the first intact copy [s]; negative if there is none: lost."""
     faults: tuple[int, ...] = ()
     """Numbers of the declared faults that had an effect on it."""
-    claim: Claim | None = None
+    claim: AnnouncedInput | None = None
     """Its claim; None if it was lost."""
 
 
@@ -123,8 +123,8 @@ class BroadcastInbox:
 
     def missing(self, counted: Mapping[int, BroadcastRange]) -> dict[int, list[int]]:
         """Return by sender the counted broadcasts that have yet to arrive."""
-        found = {sender: self._incoming[sender].missing(*n) for sender, n in counted.items()}
-        return {sender: numbers for sender, numbers in found.items() if numbers}
+        gaps = {sender: self._incoming[sender].missing(*n) for sender, n in counted.items()}
+        return {sender: numbers for sender, numbers in gaps.items() if numbers}
 
     def up_to_newest(self, counted: Mapping[int, BroadcastRange]) -> dict[int, BroadcastRange]:
         """Cut the ranges at the newest broadcast that has arrived, by sender.
@@ -141,7 +141,7 @@ class BroadcastInbox:
         counted: Mapping[int, BroadcastRange],
         t: float,
         distance: Callable[[int], float] = lambda _: math.nan,
-    ) -> tuple[Fate, ...]:
+    ) -> tuple[DeliveryReport, ...]:
         """Decide every counted broadcast, by sender, and deliver those due by t [s].
 
         Returns reports on those decided now. If several are delivered, the newest is kept.
@@ -151,7 +151,7 @@ class BroadcastInbox:
         for sender in self._in_sight - in_sight:
             self._forget(sender)
         self._in_sight = in_sight
-        fates: list[Fate] = []
+        fates: list[DeliveryReport] = []
         for sender, (since, latest) in counted.items():
             incoming = self._incoming[sender]
             if incoming.since != since:
@@ -185,11 +185,11 @@ class BroadcastInbox:
 
     def _decide(
         self, sender: int, latest: int, t: float, distance: Callable[[int], float]
-    ) -> list[Fate]:
+    ) -> list[DeliveryReport]:
         """Decide a sender's broadcasts up to the latest, in order, at t [s]."""
         fates, incoming = [], self._incoming[sender]
         link = incoming.link or self._new_link(sender)
-        apart = distance(sender) if link.asks_distance else math.nan
+        separation = distance(sender) if link.asks_distance else math.nan
         first, incoming.decided = incoming.decided + 1, latest
         for k in range(first, latest + 1):
             if k not in incoming.arrived:  # in real time it is lost
@@ -199,7 +199,7 @@ class BroadcastInbox:
             # they are added to the real delay.
             begins = message.t_apply
             sent = begins if at <= begins else max(begins, min(at, t))
-            delivery = link.fate(k, sent, apart, t)
+            delivery = link.fate(k, sent, separation, t)
             after = math.inf
             for copy in delivery.copies:
                 if copy.corrupt:
@@ -208,10 +208,12 @@ class BroadcastInbox:
                     after = copy.after if copy.after < after else after
                     self._in_flight.append((sent + copy.after, sender, message))
             if after == math.inf:
-                fates.append(Fate(sender, k, -1.0, delivery.faults))
+                fates.append(DeliveryReport(sender, k, -1.0, delivery.faults))
             else:
-                claim = Claim(begins, message.u)
-                fates.append(Fate(sender, k, sent - begins + after, delivery.faults, claim))
+                claim = AnnouncedInput(begins, message.u)
+                fates.append(
+                    DeliveryReport(sender, k, sent - begins + after, delivery.faults, claim)
+                )
         return fates
 
     def _new_link(self, sender: int) -> Link:

@@ -96,16 +96,16 @@ _AS_SENT = Delivery(DELIVER, ())
 class _LinkStage:
     """A stage of one link, with its draws and its memory."""
 
-    __slots__ = ("left", "stage", "tables")
+    __slots__ = ("last_time", "stage", "tables")
 
     def __init__(self, stage: Stage, tables: DrawsByPurpose) -> None:
         self.stage, self.tables = stage, tables
-        self.left = -math.inf
+        self.last_time = -math.inf
         """Time at which the last message left it [s]."""
 
 
-class _TablesOfPlace:
-    """Draws of the rule at one place of a list."""
+class _TablesOfRule:
+    """Draws of one of the rules in a list."""
 
     def __init__(self, tables: Tables, field: str) -> None:
         self._tables, self._field = tables, field
@@ -163,16 +163,23 @@ class Link:
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()
         self._tables.decide(k, now)
-        for own in self._stages:
-            came, copies, stage = copies, (), own.stage
+        for link_stage in self._stages:
+            came, copies, stage = copies, (), link_stage.stage
             try:
                 for number, copy in enumerate(came):
                     message = Message(
-                        *self._ends, k, sent, copy.after, distance, number, own.left, own.tables
+                        *self._ends,
+                        k,
+                        sent,
+                        copy.after,
+                        distance,
+                        number,
+                        link_stage.last_time,
+                        link_stage.tables,
                     )
                     treatment, t = stage.rule.treat(message), sent + copy.after
                     if treatment == DELIVER:
-                        own.left = t
+                        link_stage.last_time = t
                         copies += (copy,)
                         continue
                     if 0 <= stage.declared not in faults:
@@ -181,7 +188,7 @@ class Link:
                         after = copy.after + new.after
                         if not 0.0 <= after < math.inf:
                             raise ValueError(f"expected an arrival after sending, got {treatment}")
-                        own.left = t + new.after
+                        link_stage.last_time = t + new.after
                         copies += (Copy(after, copy.corrupt or new.corrupt),)
             except Exception as error:  # a user's rule may raise anything
                 which = "{} from {} to {}".format(k, *self._ends)
@@ -191,4 +198,4 @@ class Link:
 
     def _draws_of(self, field: str) -> DrawsByPurpose:
         # Built-in rules have different purposes; users' rules may not, so their place is added.
-        return _TablesOfPlace(self._tables, field) if "." in field else self._tables
+        return _TablesOfRule(self._tables, field) if "." in field else self._tables

@@ -43,8 +43,10 @@ class RandomLoss:
         return self.chance.probability
 
     def __str__(self) -> str:
-        kept = self.chance.correlation
-        return f"{100 * self.chance.probability:g} %" + (f", correlation {kept:g}" if kept else "")
+        correlation = self.chance.correlation
+        return f"{100 * self.chance.probability:g} %" + (
+            f", correlation {correlation:g}" if correlation else ""
+        )
 
     def treat(self, message: Message) -> Treatment:
         return DROP if self.chance.hits(message, BASIC) else DELIVER

@@ -159,11 +159,11 @@ class Cut:
 
 
 @check_of(Rule, "treat")
-def _treatment(rule: Rule, found: Any, message: Message) -> Treatment:
-    if isinstance(found, tuple | list) and all(_arrives(copy, message) for copy in found):
-        return tuple(found)
+def _treatment(rule: Rule, copies: Any, message: Message) -> Treatment:
+    if isinstance(copies, tuple | list) and all(_arrives(copy, message) for copy in copies):
+        return tuple(copies)
     expected = "DELIVER, DROP, or a tuple of copies that arrive after sending"
-    raise MistakenMethodError(rule, "treat", expected, repr(found))
+    raise MistakenMethodError(rule, "treat", expected, repr(copies))
 
 
 def _arrives(copy: Any, message: Message) -> bool:

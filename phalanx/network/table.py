@@ -151,8 +151,8 @@ class LinkTable(Strict):
     @classmethod
     def _from_preset(cls, table: Any) -> Any:
         name = table.get("preset") if isinstance(table, dict) else None
-        known = PRESETS.get(name) if isinstance(name, str) else None
-        return {**known.table, **table} if known else table
+        preset = PRESETS.get(name) if isinstance(name, str) else None
+        return {**preset.table, **table} if preset else table
 
     @model_validator(mode="after")
     def _built(self) -> Self:
@@ -181,8 +181,8 @@ class LinkTable(Strict):
             yield "delay_floor", self.delay_floor
         if self.slot:
             yield "slot", Slot(self.slot)
-        for place, table in enumerate(self.rules):
-            yield f"rules.{place}", built(f"rules.{place}", Rule, table)
+        for index, table in enumerate(self.rules):
+            yield f"rules.{index}", built(f"rules.{index}", Rule, table)
 
 
 def _chance(chance: float | Chance) -> Chance:

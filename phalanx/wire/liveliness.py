@@ -27,8 +27,10 @@ def announce(session: zenoh.Session, key: str) -> zenoh.LivelinessToken:
 def is_announced(session: zenoh.Session, token: str, timeout: float) -> bool:
     """Return whether a liveliness token is there, or appears within `timeout` seconds."""
     deadline = time.monotonic() + timeout
-    while (left := deadline - time.monotonic()) > 0:
-        if any(reply.ok is not None for reply in session.liveliness().get(token, timeout=left)):
+    while (remaining := deadline - time.monotonic()) > 0:
+        if any(
+            reply.ok is not None for reply in session.liveliness().get(token, timeout=remaining)
+        ):
             return True
         time.sleep(0.05)  # without any token the query ends at once
     return False

@@ -56,16 +56,16 @@ class Addressed:
 
     def __init__(self, session: zenoh.Session, delivery: Delivery = Delivery.ALL) -> None:
         self._session, (self._congestion, self._priority) = session, delivery.value
-        self._known: dict[str, zenoh.KeyExpr] = {}
+        self._expressions: dict[str, zenoh.KeyExpr] = {}
         """Declared keys, which the hub has by a number: it finds their routes without parsing."""
 
     def put(self, key: str, payload: bytes) -> None:
         """Put a message."""
-        known = self._known.get(key)
-        if known is None:
-            known = self._known[key] = self._session.declare_keyexpr(key)
+        expression = self._expressions.get(key)
+        if expression is None:
+            expression = self._expressions[key] = self._session.declare_keyexpr(key)
         self._session.put(
-            known, payload, congestion_control=self._congestion, priority=self._priority
+            expression, payload, congestion_control=self._congestion, priority=self._priority
         )
 
 
@@ -155,21 +155,21 @@ class ViewerCopies:
         self._copy = cache(keys.copy)
         self._addressed = Addressed(session, Delivery.VIEW)
         self._readers = publisher(session, keys.copy(every), Delivery.VIEW)
-        self._wanted = False
+        self._has_viewer = False
         on_match = zenoh.handlers.Callback(self._on_match, indirect=False)
         self._readers.declare_matching_listener(on_match)
 
     def look_for_readers(self) -> None:
         """Check for viewers that came earlier: Zenoh does not report those."""
-        self._wanted = has_listener(self._readers)
+        self._has_viewer = has_listener(self._readers)
 
     def put(self, key: str, payload: bytes) -> None:
         """Put a copy of a message, if there is a viewer."""
-        if self._wanted:
+        if self._has_viewer:
             self._addressed.put(self._copy(key), payload)
 
     def _on_match(self, status: zenoh.MatchingStatus) -> None:
-        self._wanted = status.matching
+        self._has_viewer = status.matching
 
 
 def answer(session: zenoh.Session, key: str, payload: bytes) -> None:

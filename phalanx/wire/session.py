@@ -107,8 +107,8 @@ def _add_admission(
 ) -> None:
     config["access_control"] = dict(admission.access_control)
     if admission.identity_folder is not None:
-        own = config["transport"]["link"].setdefault("tls", {})
-        own |= tls(admission.identity_folder, "listen")
+        tls_settings = config["transport"]["link"].setdefault("tls", {})
+        tls_settings |= tls(admission.identity_folder, "listen")
         return
     passwords = while_opening.enter_context(_file_in_memory(admission.passwords))
     auth = config["transport"].setdefault("auth", {}).setdefault("usrpwd", {})
@@ -171,9 +171,9 @@ def open_member(
     declares its token last, so a client that does not see it connects again.
     """
     deadline, patience = time.monotonic() + timeout, 3.0
-    while (left := deadline - time.monotonic()) > 0:
-        session = open_client(endpoint, left, credentials)
-        if is_announced(session, token, min(patience, left)):
+    while (remaining := deadline - time.monotonic()) > 0:
+        session = open_client(endpoint, remaining, credentials)
+        if is_announced(session, token, min(patience, remaining)):
             return session
         session.close()  # type: ignore[no-untyped-call]
         patience *= 2.0

@@ -30,7 +30,7 @@ def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
     keys, timeout = membership.keys, membership.timeout
     arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
     with open_client(membership.endpoint, timeout, membership.credentials) as session:
-        for every in keys.to_viewers if kind == "*" else (keys.seen(kind),):
+        for every in keys.to_viewers if kind == "*" else (keys.for_viewers(kind),):
             subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
         # After the watch: a plant that leaves meanwhile is missed by one of the two at most.

@@ -26,7 +26,7 @@ import zenoh
 _DO_NOT_LINGER = struct.pack("ii", 0, 0)
 _DELAY = 0.1
 """Connections that are made within this time are changed together [s]."""
-_kept = threading.local()
+_thread_states = threading.local()
 
 
 def disable_linger(session: zenoh.Session) -> None:
@@ -63,5 +63,5 @@ def _linger_nowhere() -> None:
 
 def keep_thread_state() -> None:
     """Keep the calling thread's state by one reference that is never released."""
-    if not hasattr(_kept, "state"):
-        _kept.state = ctypes.pythonapi.PyGILState_Ensure()
+    if not hasattr(_thread_states, "state"):
+        _thread_states.state = ctypes.pythonapi.PyGILState_Ensure()

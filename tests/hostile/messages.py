@@ -38,7 +38,7 @@ from phalanx.messages.kinds import (
 )
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import AppliedStep, StepReport
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -90,7 +90,7 @@ def _telemetry(k: int) -> Telemetry:
     report = StepReport(origin=Origin.QP, residual=-0.5, u_nom=(0.5, 0.1), solve_time=1e-4)
     return Telemetry(
         k=k, report=report, ages=((1, 0.01), (2, 0.02)), rejected=3,
-        fates=(Fate(PEER, k, 0.01, claim=Claim(0.01 * k, (0.1, 0.1))),),
+        fates=(DeliveryReport(PEER, k, 0.01, claim=AnnouncedInput(0.01 * k, (0.1, 0.1))),),
     )  # fmt: skip
 
 

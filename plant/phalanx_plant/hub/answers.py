@@ -7,7 +7,7 @@ import numpy as np
 from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import SAYS, Actuation, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import DeliveryReport
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -110,7 +110,7 @@ class Answers:
         self._answered[i] = message.k
         self._inputs[i] = u
 
-    def _is_possible(self, fate: Fate) -> bool:
+    def _is_possible(self, fate: DeliveryReport) -> bool:
         """Return whether the broadcast exists, and its claim is given unless it was lost."""
         size = None if fate.claim is None else len(fate.claim.u)
         expected = None if fate.delay < 0.0 else self._sizes[fate.sender]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from phalanx.faults.lies import Past
 from phalanx.guarantee.verdict import Assumption
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.swarm.swarm import Swarm
 
 _NOTE = "every broadcast stated an input that its sender's actuator held, and since when"
@@ -40,7 +40,7 @@ class Claims:
         self._planned = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
         self._late: dict[tuple[int, int], float] = {}
         """By agent and number, when an input took effect that did so late [s]; inf: never."""
-        self._early: defaultdict[tuple[int, int], list[tuple[int, Claim, float]]]
+        self._early: defaultdict[tuple[int, int], list[tuple[int, AnnouncedInput, float]]]
         self._early = defaultdict(list)
         """Reports that arrived before the truth, by sender and number: (receiver, claim, t)."""
         self._false: Counter[str] = Counter()
@@ -49,7 +49,7 @@ class Claims:
         self.betrayals: dict[str, float] = {}
         """By agent, the time from which it first held another input than it announced [s]."""
 
-    def add_truth(self, i: int, k: int, planned: Claim, held_from: float) -> None:
+    def add_truth(self, i: int, k: int, planned: AnnouncedInput, held_from: float) -> None:
         """Record agent i's input for sample k, and when its actuator applied it [s]; inf: never."""
         self._planned[i].put(k, planned)
         if held_from != planned.t_apply:
@@ -58,7 +58,9 @@ class Claims:
             for receiver, claim, t in self._early.pop((i, k), ()):
                 self._compare(i, k, planned, receiver, claim, t)
 
-    def check(self, receiver: int, fate: Fate, t: float, believed: bool = True) -> Finding:
+    def check(
+        self, receiver: int, fate: DeliveryReport, t: float, believed: bool = True
+    ) -> Finding:
         """Check a broadcast that a receiver reports at t [s], if believed; losses say nothing."""
         for fault in fate.faults:
             self.faults[fault] += 1
@@ -77,10 +79,16 @@ class Claims:
         return any((receiver, sender, t) in self._misleading for t in times)
 
     def _compare(
-        self, i: int, k: int, planned: Claim, receiver: int, claim: Claim, t: float
+        self,
+        i: int,
+        k: int,
+        planned: AnnouncedInput,
+        receiver: int,
+        claim: AnnouncedInput,
+        t: float,
     ) -> Finding:
         held_from = self._late.get((i, k), planned.t_apply)
-        true = claim == Claim(held_from, planned.u)
+        true = claim == AnnouncedInput(held_from, planned.u)
         self.truthful.check(true, t)
         if true:
             return _TRUE
@@ -111,12 +119,12 @@ class _Inputs:
     def __init__(self, size: int) -> None:
         self._width, self._rows = 1 + size, array("d")
 
-    def put(self, k: int, claim: Claim) -> None:
+    def put(self, k: int, claim: AnnouncedInput) -> None:
         rows, begin = self._rows, k * self._width
         if (lacking := begin - len(rows)) > 0:  # inputs that were lost
             rows.extend([math.nan] * lacking)
         rows[begin : begin + self._width] = array("d", (claim.t_apply, *claim.u))
 
-    def get(self, k: int) -> Claim | None:
+    def get(self, k: int) -> AnnouncedInput | None:
         row = self._rows[k * self._width : (k + 1) * self._width]
-        return None if not row or math.isnan(row[0]) else Claim(row[0], tuple(row[1:]))
+        return None if not row or math.isnan(row[0]) else AnnouncedInput(row[0], tuple(row[1:]))

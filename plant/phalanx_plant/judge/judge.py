@@ -15,7 +15,7 @@ from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.guarantee.verdict import Convicted, TrustSummary
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import Claim, Conviction, Fate
+from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Index
@@ -50,7 +50,7 @@ class Judged(Struct, frozen=True):
     """Of a StateReached: the largest values since the previous one."""
     step: tuple[AppliedStep, Telemetry] | None = None
     """Of an InputApplied: its control step, and the agent's report on it."""
-    received: Sequence[tuple[Fate, Finding]] = ()
+    received: Sequence[tuple[DeliveryReport, Finding]] = ()
     """Of an input: the broadcasts that its agent reports on, and whether they were true."""
 
 
@@ -195,18 +195,18 @@ class Judge:
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
         if i is not None and effect is not None:
-            if command.fault >= 0 and command.harms:
+            if command.fault >= 0 and command.is_failure:
                 self.claims.faults[command.fault] += 1
-            if effect.leads_to is not None and effect.leads_to.silent:
+            if effect.new_condition is not None and effect.new_condition.silent:
                 self.assumptions.fell_silent(i, command.t)
-            if effect.leads_to is Condition.TURNED:
+            if effect.new_condition is Condition.TURNED:
                 self._turn(i, command.t)
             if effect.process is ProcessChange.STARTS:
                 self._rejected_before[i] += self._rejected[i]
                 self._rejected[i] = 0
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
-        level = Level.WARNING if command.harms else Level.INFO
+        level = Level.WARNING if command.is_failure else Level.INFO
         return Judged(event, [Log(command.t, f"{command}{lost}", level)])
 
     def _turn(self, i: int, t: float) -> None:
@@ -225,7 +225,9 @@ class Judge:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
         telemetry, received, notices = self._report(i, event.k, event.t_sample)
         origin = telemetry.report.origin
-        self.claims.add_truth(i, event.k, Claim(event.t_sample + self._latency, u), event.t_apply)
+        self.claims.add_truth(
+            i, event.k, AnnouncedInput(event.t_sample + self._latency, u), event.t_apply
+        )
         self.assumptions.applied(event, telemetry)
         self.steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
@@ -242,7 +244,7 @@ class Judge:
 
     def _lost(self, event: InputLost) -> Judged:
         _, received, notices = self._report(event.i, event.k, event.t_sample)
-        planned = Claim(event.t_sample + self._latency, tuple(event.u.tolist()))
+        planned = AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()))
         self.claims.add_truth(event.i, event.k, planned, np.inf)
         self.assumptions.lost(event)
         notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
@@ -258,7 +260,7 @@ class Judge:
 
     def _report(
         self, i: int, k: int, t: float
-    ) -> tuple[Telemetry, list[tuple[Fate, Finding]], list[Log]]:
+    ) -> tuple[Telemetry, list[tuple[DeliveryReport, Finding]], list[Log]]:
         """Agent i's report on its sample k at t [s], the broadcasts in it, and warnings."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected

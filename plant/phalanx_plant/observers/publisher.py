@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from phalanx.faults.commands import FaultState
 from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent, LogLine, Status, worse
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import DeliveryReport
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
@@ -104,7 +104,7 @@ class Publisher:
                 step, _ = judged.step
                 self._applied(event.i, step, [fate for fate, _ in judged.received])
 
-    def _applied(self, i: int, step: AppliedStep, fates: list[Fate]) -> None:
+    def _applied(self, i: int, step: AppliedStep, fates: list[DeliveryReport]) -> None:
         """Update agent i's status, and the links on which it received the broadcasts in `fates`."""
         before = self._agents[i]
         self._agents[i] = replace(

@@ -10,7 +10,7 @@ from msgspec.structs import asdict
 
 from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import DeliveryReport
 from phalanx.recording.records import State, Step, StepData
 from phalanx.swarm.swarm import Swarm
 from phalanx_plant.judge.claims import Finding
@@ -65,7 +65,7 @@ class Recorder:
         self._state_due = 0.0
         self._peak = LOWEST
         """Largest values since the last recorded state."""
-        self._received: list[list[tuple[Fate, Finding]]] = [[] for _ in swarm.names]
+        self._received: list[list[tuple[DeliveryReport, Finding]]] = [[] for _ in swarm.names]
         """By agent, the broadcasts since its last recorded step: a step whose input was lost is not
         recorded."""
 

@@ -24,7 +24,7 @@ from phalanx.messages.kinds import MAX_BYTES, Actuation, Sample, Telemetry
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Sealer
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import DeliveryReport
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
@@ -130,9 +130,15 @@ TO_PLANT = {
     "an enormous residual": (
         REPORT, INSIDER.seal(REPORT, a_report(report=made(residual=1.7e308))), "too large"),
     "fates of nobody's messages": (
-        REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
+        REPORT,
+        INSIDER.seal(REPORT, a_report(fates=(DeliveryReport(77, 0, 0.0),))),
+        "unknown sender",
+    ),
     "fates of faults that nobody declared": (
-        REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(0, 0, 0.0, (9,)),))), "unknown fault"),
+        REPORT,
+        INSIDER.seal(REPORT, a_report(fates=(DeliveryReport(0, 0, 0.0, (9,)),))),
+        "unknown fault",
+    ),
     "a report from the past": (REPORT, INSIDER.seal(REPORT, a_report(k=-1)), "out of order"),
     "a report from the future": (REPORT, INSIDER.seal(REPORT, a_report()), "out of order"),
 }  # fmt: skip

@@ -9,7 +9,7 @@ from phalanx_agent.step import ControlStep
 from phalanx.messages.kinds import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import QUANTITIES, StepReport
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
@@ -57,7 +57,7 @@ def test_an_input_that_no_actuator_of_its_sender_takes_does_not_count(compositio
     controller = DistributedController(rows_of_scenario("unicycles", *changes), 0)
     x, everybody = rows_of_scenario("unicycles", *changes).swarm.start(), tuple(range(5))
     result, alone = (
-        controller(x, everybody, 0.01, received) for received in ({1: Claim(0.01, u)}, {})
+        controller(x, everybody, 0.01, received) for received in ({1: AnnouncedInput(0.01, u)}, {})
     )
     assert (1 in result.used) == counts
     assert counts or (result.decision.u == alone.decision.u).all()
@@ -158,7 +158,7 @@ def test_a_report_with_all_that_it_may_say_is_taken(name: str):
     step = ControlStep(rows_of_scenario(name), 0)
     agents, faults = len(step.swarm.names), tuple(range(len(step.swarm.links.declared)))
     most, u = 2**32 - 1, (1e300,) * max(len(m.dynamics.inputs) for m in step.swarm.members)
-    fates = (Fate(65535, most, 0.1, faults, Claim(0.1, u)),) * step.most_fates
+    fates = (DeliveryReport(65535, most, 0.1, faults, AnnouncedInput(0.1, u)),) * step.most_fates
     step_report = StepReport(
         origin=Origin.SOLVER_FAILED, u_nom=u,
         **{name: 0.1 for name in QUANTITIES if name in StepReport.__struct_fields__},

@@ -62,9 +62,9 @@ def test_a_skew_ends_with_its_time_as_far_as_samples_can_come_sooner():
     clock, times = ticks(skew=0.004, **{"for": OVER - AT})
     n, m = int((RIGHT <= AT).sum()), int((times <= OVER).sum())
     assert times[n : m - 1] == pytest.approx(RIGHT[n : m - 1] + 0.004, abs=1e-9)
-    left = times[m : m + 50] - RIGHT[m : m + 50]
-    assert left == pytest.approx(left[0], abs=1e-9)
-    assert 0.0 <= left[0] == pytest.approx(max(OVER - RIGHT[m], 0.0), abs=1e-9)
+    delays = times[m : m + 50] - RIGHT[m : m + 50]
+    assert delays == pytest.approx(delays[0], abs=1e-9)
+    assert 0.0 <= delays[0] == pytest.approx(max(OVER - RIGHT[m], 0.0), abs=1e-9)
     assert clock.faults == {0: 2}
 
 

@@ -118,5 +118,5 @@ def test_every_command_is_on_an_agent_on_links_or_on_the_pace():
 def test_a_fault_of_processes_begins_with_a_command_that_harms_and_ends_with_one_that_does_not(
     fault,
 ):
-    assert EFFECTS[fault.begins_with].harms
-    assert fault.ends_with is None or not EFFECTS[fault.ends_with].harms
+    assert EFFECTS[fault.begins_with].is_failure
+    assert fault.ends_with is None or not EFFECTS[fault.ends_with].is_failure

@@ -17,13 +17,13 @@ def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
 
 def test_random_times_have_the_given_rate_and_hit_all_agents_equally():
     rate, duration = 5.0, 400.0
-    found = list(random_times(rate, NAMES, duration, Tables(1, "fault", "0", width=2)))
-    times = np.array([t for t, _ in found])
+    occurrences = list(random_times(rate, NAMES, duration, Tables(1, "fault", "0", width=2)))
+    times = np.array([t for t, _ in occurrences])
     expected = rate * duration
-    assert len(found) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
+    assert len(occurrences) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
     for name in NAMES:
-        share = sum(hit == name for _, hit in found) / len(found)
-        assert share == pytest.approx(1 / 3, abs=4.0 * np.sqrt(2 / 9 / len(found)))
+        share = sum(hit == name for _, hit in occurrences) / len(occurrences)
+        assert share == pytest.approx(1 / 3, abs=4.0 * np.sqrt(2 / 9 / len(occurrences)))
     # Of a Poisson process gaps vary by as much as they are long.
     gaps = np.diff(times)
     assert gaps.std() == pytest.approx(gaps.mean(), rel=0.1)
@@ -53,4 +53,4 @@ def test_one_faults_occurrences_do_not_depend_on_anothers():
     assert first == occurrences(kind="turn", at=1.0, agents=["2"])[0]
     _, *of_another_seed = occurrences(seed=1, kind="pause", rate=2.0, **{"for": 0.5})
     assert random != of_another_seed
-    assert {each.place for each in random} == {1}
+    assert {occurrence.fault_index for occurrence in random} == {1}

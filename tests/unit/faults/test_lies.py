@@ -3,10 +3,10 @@
 import pytest
 
 from phalanx.faults.lies import Lies, PeerClaim
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.scenario.load import load
 
-TRUTH = Claim(0.5, (1.5, -0.5))
+TRUTH = AnnouncedInput(0.5, (1.5, -0.5))
 
 
 def lies(*tables: dict[str, object], agent: str = "2", seed: int = 0) -> Lies:
@@ -15,7 +15,9 @@ def lies(*tables: dict[str, object], agent: str = "2", seed: int = 0) -> Lies:
     return load("unicycles", {"faults": faults}, seed=seed).links().lies(agent)
 
 
-def claimed(liar: Lies, receiver: str = "1", k: int = 50, truth: Claim = TRUTH) -> PeerClaim:
+def claimed(
+    liar: Lies, receiver: str = "1", k: int = 50, truth: AnnouncedInput = TRUTH
+) -> PeerClaim:
     """Return the claim to a peer; the input applied n steps ago was (n, n)."""
     return liar.claim(receiver, k, truth, lambda ago: (float(ago), float(ago)))
 
@@ -23,11 +25,11 @@ def claimed(liar: Lies, receiver: str = "1", k: int = 50, truth: Claim = TRUTH) 
 @pytest.mark.parametrize(
     ("lie", "claim"),
     [
-        ({"says": "opposite"}, Claim(0.5, (-1.5, 0.5))),
-        ({"says": "zero"}, Claim(0.5, (0.0, 0.0))),
-        ({"says": [4.0, 2.0]}, Claim(0.5, (4.0, 2.0))),
-        ({"replay": 7}, Claim(0.5, (7.0, 7.0))),
-        ({"apply_time": 0.25}, Claim(0.75, (1.5, -0.5))),
+        ({"says": "opposite"}, AnnouncedInput(0.5, (-1.5, 0.5))),
+        ({"says": "zero"}, AnnouncedInput(0.5, (0.0, 0.0))),
+        ({"says": [4.0, 2.0]}, AnnouncedInput(0.5, (4.0, 2.0))),
+        ({"replay": 7}, AnnouncedInput(0.5, (7.0, 7.0))),
+        ({"apply_time": 0.25}, AnnouncedInput(0.75, (1.5, -0.5))),
         ({"silent": True}, TRUTH),  # its links are cut instead
     ],
 )
@@ -39,8 +41,8 @@ def test_a_lie_changes_the_claim(lie, claim):
 @pytest.mark.parametrize("t", [0.19, 0.5])
 def test_before_and_after_its_time_the_claim_is_true(t: float):
     liar = lies({"says": "zero", "at": 0.2, "for": 0.3})
-    assert claimed(liar, truth=Claim(t, (1.0, 1.0))).lies == ()
-    assert claimed(liar, truth=Claim(0.2, (1.0, 1.0))).lies == (0,)
+    assert claimed(liar, truth=AnnouncedInput(t, (1.0, 1.0))).lies == ()
+    assert claimed(liar, truth=AnnouncedInput(0.2, (1.0, 1.0))).lies == (0,)
 
 
 def test_other_peers_receive_the_truth():
@@ -62,12 +64,12 @@ def test_an_equivocator_claims_another_input_to_every_peer_at_every_step():
 
 
 def test_a_lie_that_happens_to_be_true_has_no_effect():
-    assert claimed(lies({"says": "opposite"}), truth=Claim(0.5, (0.0, 0.0))).lies == ()
+    assert claimed(lies({"says": "opposite"}), truth=AnnouncedInput(0.5, (0.0, 0.0))).lies == ()
 
 
 def test_simultaneous_lies_are_applied_in_order_and_all_counted():
     both = claimed(lies({"says": "opposite"}, {"apply_time": -0.1}, {"silent": True}))
-    assert both == PeerClaim(Claim(0.4, (-1.5, 0.5)), (0, 1))
+    assert both == PeerClaim(AnnouncedInput(0.4, (-1.5, 0.5)), (0, 1))
 
 
 def test_a_silent_liar_is_cut_from_its_receivers_alone():

@@ -17,17 +17,17 @@ def sensors(**fault: object) -> tuple[Sensors, np.ndarray]:
 
 
 def test_a_biased_sensor_is_wrong_about_its_own_robot_while_the_fault_lasts_and_never_else():
-    found, x = sensors(bias={"x": 0.5})
+    faulty_sensors, x = sensors(bias={"x": 0.5})
     for i in range(5):
         for k, t in enumerate((0.999, 1.0, 1.999, 2.0)):
-            measured = found.measured(i, k, t, x)
+            measured = faulty_sensors.measured(i, k, t, x)
             if i == 1 and 1.0 <= t < 2.0:
                 assert measured is not x
                 assert (np.flatnonzero(measured != x) == [3]).all()
                 assert measured[3] == x[3] + 0.5
             else:
                 assert measured is x
-    assert list(found.faults.values()) == [2]
+    assert list(faulty_sensors.faults.values()) == [2]
 
 
 def test_a_silent_sensor_has_no_measurement_error():

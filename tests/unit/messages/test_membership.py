@@ -43,8 +43,8 @@ def test_an_agent_cannot_seal_what_passes_between_another_and_the_plant():
     key = KEYS.actuation("5")
     with pytest.raises(KeyError):
         ROOT.of("4").sealer.seal(key, Actuation(k=0, t_apply=0.0, u=()))
-    own = Membership("r", "", held={"4": ROOT.key_of("4"), "5": ROOT.key_of("4")})
-    payload = own.sealer.seal(key, Actuation(k=0, t_apply=0.0, u=()))
+    member = Membership("r", "", held={"4": ROOT.key_of("4"), "5": ROOT.key_of("4")})
+    payload = member.sealer.seal(key, Actuation(k=0, t_apply=0.0, u=()))
     with pytest.raises(Malformed, match="bad seal"):
         ROOT.sealer.open(key, payload, Actuation)
 

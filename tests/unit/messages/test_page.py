@@ -140,6 +140,6 @@ def test_the_keys_of_the_page_are_those_of_the_code():
     of_agents = (keys.sample, keys.actuation, keys.telemetry)
     of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario}
     of_plant |= {keys.command}
-    made = {key("AGENT") for key in of_agents} | of_plant
-    made |= {keys.broadcast("AGENT", "PEER"), keys.alive("NAME", "DIGEST")}
-    assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == made
+    keys_in_code = {key("AGENT") for key in of_agents} | of_plant
+    keys_in_code |= {keys.broadcast("AGENT", "PEER"), keys.alive("NAME", "DIGEST")}
+    assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == keys_in_code

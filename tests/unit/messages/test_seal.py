@@ -24,7 +24,7 @@ from phalanx.messages.kinds import (
 )
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import DeliveryReport
 from phalanx.theory.rows.origin import Origin
 
 KEYS = Keys("run-1")
@@ -34,12 +34,12 @@ TELEMETRY = Telemetry(
     k=7,
     report=StepReport(origin=Origin.QP, residual=-1e-9, u_nom=(1.5, -0.25), solve_time=1e-4),
     ages=((1, 0.012),),
-    fates=(Fate(1, 6, 0.003),),
+    fates=(DeliveryReport(1, 6, 0.003),),
     rejected=2,
 )
 
 
-def made(**changes: Any) -> StepReport:
+def report_with(**changes: Any) -> StepReport:
     return msgspec.structs.replace(TELEMETRY.report, **changes)
 
 
@@ -153,11 +153,11 @@ def test_another_version_is_refused():
         (ACTUATION, lambda v: {"u": (1.0, v)}),
         (MESSAGES[2], lambda v: {"t_apply": v}),
         (MESSAGES[2], lambda v: {"u": (1.0, v)}),
-        (TELEMETRY, lambda v: {"report": made(residual=v)}),
-        (TELEMETRY, lambda v: {"report": made(u_nom=(1.0, v))}),
-        (TELEMETRY, lambda v: {"report": made(solve_time=v)}),
+        (TELEMETRY, lambda v: {"report": report_with(residual=v)}),
+        (TELEMETRY, lambda v: {"report": report_with(u_nom=(1.0, v))}),
+        (TELEMETRY, lambda v: {"report": report_with(solve_time=v)}),
         (TELEMETRY, lambda v: {"ages": ((1, v),)}),
-        (TELEMETRY, lambda v: {"fates": (Fate(1, 6, v),)}),
+        (TELEMETRY, lambda v: {"fates": (DeliveryReport(1, 6, v),)}),
     ],
 )
 def test_numbers_that_are_not_finite_are_refused(message, change, bad):
@@ -171,7 +171,7 @@ def test_numbers_that_are_not_finite_are_refused(message, change, bad):
     [
         (MESSAGES[1], lambda v: {"t_apply": v}, 1e300),
         (MESSAGES[2], lambda v: {"t_apply": v}, 1e300),
-        (TELEMETRY, lambda v: {"report": made(residual=v)}, 1e303),
+        (TELEMETRY, lambda v: {"report": report_with(residual=v)}, 1e303),
     ],
 )
 def test_numbers_of_which_figures_would_be_infinite_are_refused(message, change, most):
@@ -184,7 +184,9 @@ def test_numbers_of_which_figures_would_be_infinite_are_refused(message, change,
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_they_are_refused_in_half_the_bits_too(bad):
-    body = msgspec.msgpack.encode(msgspec.structs.replace(TELEMETRY, report=made(solve_time=0.625)))
+    body = msgspec.msgpack.encode(
+        msgspec.structs.replace(TELEMETRY, report=report_with(solve_time=0.625))
+    )
     whole, half = (b"\xcb" + struct.pack(">d", 0.625), b"\xca" + struct.pack(">f", bad))
     assert body.count(whole) == 1
     assert reason(forged(body.replace(whole, half))) == "not finite"
@@ -192,7 +194,7 @@ def test_they_are_refused_in_half_the_bits_too(bad):
 
 def test_a_finite_number_with_bytes_as_of_an_infinite_one_is_accepted():
     (chance,) = struct.unpack(">d", b"\x40\xcb\x7f\xf0\0\0\0\0")
-    message = msgspec.structs.replace(TELEMETRY, report=made(residual=chance))
+    message = msgspec.structs.replace(TELEMETRY, report=report_with(residual=chance))
     assert SEALER.open(KEY, SEALER.seal(KEY, message), Telemetry) == message
 
 
@@ -244,10 +246,10 @@ def test_a_message_altered_by_one_who_holds_the_secret_is_a_message_or_malformed
     body[at % len(body)] = byte
     kind = type(MESSAGES[which])
     try:
-        found = SEALER.open(KEY, forged(bytes(body)), kind)
+        message = SEALER.open(KEY, forged(bytes(body)), kind)
     except Malformed:
         return
-    assert type(found) is kind
+    assert type(message) is kind
 
 
 def test_keys_have_the_kind_and_the_sender_at_a_fixed_depth():

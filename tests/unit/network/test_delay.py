@@ -39,8 +39,8 @@ EXPECTED = {"uniform": uniform, "normal": norm.cdf, "pareto": pareto, "paretonor
 @pytest.mark.slow
 @pytest.mark.parametrize("distribution", EXPECTED)
 def test_a_delay_has_the_distribution_that_it_is_named_after(distribution):
-    drawn = delays(delay={"time": TIME, "jitter": JITTER, "distribution": distribution})
-    scaled = (drawn - TIME) / JITTER
+    sample = delays(delay={"time": TIME, "jitter": JITTER, "distribution": distribution})
+    scaled = (sample - TIME) / JITTER
     expected = EXPECTED[distribution]
     # Of Pareto's one in ninety is at the end of netem's table, where the distribution jumps.
     inside = scaled < LONGEST - 1e-9
@@ -61,14 +61,16 @@ def test_a_delay_between_two_times_fills_them_evenly_and_no_message_knows_of_ano
 @pytest.mark.parametrize(("distribution", "correlation"), [("normal", 0.9), ("paretonormal", 0.25)])
 def test_a_correlation_is_met_and_leaves_the_distribution_as_it_is(distribution, correlation):
     table = {"time": TIME, "jitter": JITTER, "distribution": distribution}
-    drawn = delays(delay={**table, "correlation": correlation})
+    sample = delays(delay={**table, "correlation": correlation})
     # Runs of equal draws: of so many messages (1 - correlation) are draws of their own.
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)
-    ranks = rankdata(drawn)
+    ranks = rankdata(sample)
     for ahead in (1, 2, 5):
-        found = np.corrcoef(ranks[ahead:], ranks[:-ahead])[0, 1]  # Spearman's
-        assert found == pytest.approx(correlation**ahead, abs=5.0 / np.sqrt(effective))
-    scaled = (drawn - TIME) / JITTER
+        correlation_of_ranks = np.corrcoef(ranks[ahead:], ranks[:-ahead])[0, 1]  # Spearman's
+        assert correlation_of_ranks == pytest.approx(
+            correlation**ahead, abs=5.0 / np.sqrt(effective)
+        )
+    scaled = (sample - TIME) / JITTER
     distance = ks_1samp(scaled, EXPECTED[distribution]).statistic
     assert distance < 1.63 / np.sqrt(effective)
 
@@ -88,9 +90,9 @@ def test_a_floor_grows_with_the_distance():
     for metres in (0.0, 1.0, 5.0):
         least = 0.001 + 0.002 * metres
         for k in range(200):
-            drawn = bare.fate(k).delay
-            found = link.fate(k, distance=metres).delay
-            assert found == pytest.approx(max(drawn, least), abs=1e-15)
+            bare_delay = bare.fate(k).delay
+            delay = link.fate(k, distance=metres).delay
+            assert delay == pytest.approx(max(bare_delay, least), abs=1e-15)
 
 
 def test_every_gap_th_message_is_reordered():

@@ -38,18 +38,18 @@ def captured(count: int = 20_000, **fields: object) -> list[str]:
 @pytest.mark.parametrize("name", MODELS)
 def test_what_a_model_did_is_fitted_by_that_model(name):
     asked = MODELS[name]
-    found = fit(read_capture(captured(**asked))).table
-    LinkTable.model_validate(found)
-    assert set(found) == set(asked)
+    table = fit(read_capture(captured(**asked))).table
+    LinkTable.model_validate(table)
+    assert set(table) == set(asked)
     for field, value in asked.items():
         if isinstance(value, dict):
-            assert set(found[field]) == set(value)
+            assert set(table[field]) == set(value)
             for key, part in value.items():
-                assert found[field][key] == (
+                assert table[field][key] == (
                     part if isinstance(part, str) else pytest.approx(part, rel=0.08)
                 )
         else:
-            assert found[field] == pytest.approx(value, rel=0.05)
+            assert table[field] == pytest.approx(value, rel=0.05)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from phalanx.messages.kinds import Broadcast
-from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, BroadcastInbox, BroadcastRange, DeliveryReport
 from phalanx.network.link import Link, LinkModel
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
@@ -33,7 +33,7 @@ def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking
 
 
 def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
-    drawn = [
+    sequences = [
         tuple(fates(Link(seed, sender, receiver, LOSSY), range(50)))
         for seed, sender, receiver in [
             (0, "a", "b"),
@@ -43,7 +43,7 @@ def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
             (1, "a", "b"),
         ]
     ]
-    assert len(set(drawn)) == 5
+    assert len(set(sequences)) == 5
 
 
 @pytest.mark.parametrize("loss", [0.05, 0.3, 0.9])
@@ -191,13 +191,13 @@ def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
 def test_a_lost_broadcast_leaves_the_one_before_in_place():
     inbox = inbox_of(model(loss=0.5))
     link = Link(0, "s0", "me", model(loss=0.5))
-    kept = None
+    last = None
     for k in range(40):
         inbox.put(0, broadcast(k))
         inbox.advance(upto(k), k / 100)
-        kept = kept if link.fate(k).delay is None else k
-        assert newest(inbox) == kept
-    assert kept is not None
+        last = last if link.fate(k).delay is None else k
+        assert newest(inbox) == last
+    assert last is not None
 
 
 def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
@@ -207,14 +207,14 @@ def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
     assert any(a > b for a, b in itertools.pairwise(due)), "no overtaking to test"
     for k in range(60):
         inbox.put(0, broadcast(k))
-    seen = []
+    numbers = []
     for t in np.arange(0.0, 1.0, 0.003):
         latest = min(59, int(t * 100))
         inbox.advance(upto(latest), t)
         expected = max((k for k in range(latest + 1) if due[k] <= t), default=None)
         assert newest(inbox) == expected
-        seen.append(expected)
-    assert seen[-1] == 59
+        numbers.append(expected)
+    assert numbers[-1] == 59
 
 
 def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
@@ -233,8 +233,10 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
         for k in range(count):
             delivery = links[s].fate(k)
             lost = delivery.delay is None
-            said = None if lost else Claim(broadcast(k).t_apply, broadcast(k).u)
-            expected.append(Fate(s, k, -1.0 if lost else delivery.delay, delivery.faults, said))
+            announced = None if lost else AnnouncedInput(broadcast(k).t_apply, broadcast(k).u)
+            expected.append(
+                DeliveryReport(s, k, -1.0 if lost else delivery.delay, delivery.faults, announced)
+            )
     assert sorted(fates, key=lambda f: (f.sender, f.k)) == expected
     assert any(f.delay < 0 for f in fates)
 
@@ -312,10 +314,10 @@ def test_what_is_on_its_way_when_a_new_contact_begins_arrives_no_more():
 def test_an_order_to_lose_all_counts_for_senders_of_whom_nothing_has_come_yet():
     inbox = inbox_of(model())
     inbox.override_links(loss=1.0, delay=None)
-    for k, kept in ((0, None), (1, 1)):
+    for k, number in ((0, None), (1, 1)):
         inbox.put(0, broadcast(k))
         inbox.advance(upto(k), 1.0)
-        assert newest(inbox) == kept
+        assert newest(inbox) == number
         inbox.override_links(loss=None, delay=None)
 
 

@@ -21,8 +21,8 @@ def chi_square_of_geometric(lengths: np.ndarray, stay: float) -> float:
     longest = max(2, int(np.floor(np.log(20.0 / len(lengths)) / np.log(stay))))
     shares = [(1.0 - stay) * stay ** (n - 1) for n in range(1, longest)]
     shares.append(1.0 - sum(shares))
-    found = np.bincount(np.minimum(lengths, longest), minlength=longest + 1)[1:]
-    return float(chisquare(found, np.array(shares) * len(lengths)).pvalue)
+    counts = np.bincount(np.minimum(lengths, longest), minlength=longest + 1)[1:]
+    return float(chisquare(counts, np.array(shares) * len(lengths)).pvalue)
 
 
 def test_independent_losses_are_as_many_as_asked_for_and_do_not_know_of_one_another():
@@ -40,8 +40,8 @@ def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation)
     gone = lost(loss={"random": 0.2, "correlation": correlation})
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)
     assert np.mean(gone) == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / effective))
-    found = np.corrcoef(gone[1:], gone[:-1])[0, 1]
-    assert found == pytest.approx(correlation, abs=5.0 / np.sqrt(effective))
+    measured = np.corrcoef(gone[1:], gone[:-1])[0, 1]
+    assert measured == pytest.approx(correlation, abs=5.0 / np.sqrt(effective))
     assert chi_square_of_geometric(runs(gone), correlation + (1.0 - correlation) * 0.2) > 0.01
 
 
@@ -50,8 +50,8 @@ def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation)
 def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     gone = lost(loss={"mean": mean, "burst": burst})
     stay = 1.0 - 1.0 / burst
-    kept = stay - mean / burst / (1.0 - mean)  # 1 - p - r: the correlation of the chain
-    effective = MANY * (1.0 - kept) / (1.0 + kept)
+    correlation = stay - mean / burst / (1.0 - mean)  # 1 - p - r: the correlation of the chain
+    effective = MANY * (1.0 - correlation) / (1.0 + correlation)
     assert np.mean(gone) == pytest.approx(mean, abs=4.0 * np.sqrt(mean * (1 - mean) / effective))
     lengths = runs(gone)
     assert np.mean(lengths) == pytest.approx(burst, abs=4.0 * burst / np.sqrt(len(lengths)))
@@ -122,13 +122,13 @@ def test_loss_by_distance_is_none_near_all_far_and_linear_between():
     link = Link(0, "a", "b", model(loss_by_distance={"none_within": 10.0, "all_beyond": 30.0}))
     metres = np.array([0.0, 10.0, 12.0, 15.0, 20.0, 25.0, 28.0, 30.0, 99.0])
     shares = np.clip((metres - 10.0) / 20.0, 0.0, 1.0)
-    each = MANY // len(metres)
+    group_size = MANY // len(metres)
     gone = [link.fate(k, distance=metres[k % len(metres)]).delay is None for k in range(MANY)]
-    counted = np.array(gone[: each * len(metres)]).reshape(each, -1).sum(axis=0)
+    counted = np.array(gone[: group_size * len(metres)]).reshape(group_size, -1).sum(axis=0)
     assert counted[shares == 0.0].sum() == 0
-    assert (counted[shares == 1.0] == each).all()
+    assert (counted[shares == 1.0] == group_size).all()
     between = (shares > 0.0) & (shares < 1.0)
-    found = np.concatenate([counted[between], each - counted[between]])
-    expected = np.concatenate([shares[between], 1.0 - shares[between]]) * each
-    assert chisquare(found, expected, ddof=between.sum() - 1).pvalue > 0.01
+    counts = np.concatenate([counted[between], group_size - counted[between]])
+    expected = np.concatenate([shares[between], 1.0 - shares[between]]) * group_size
+    assert chisquare(counts, expected, ddof=between.sum() - 1).pvalue > 0.01
     assert link.asks_distance

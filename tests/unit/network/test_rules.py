@@ -68,12 +68,16 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
     inbox = inbox_of(model(corrupt=0.2), 200)
     fates = inbox.advance({0: (0, 199)}, 9.0)
-    taken = inbox.corrupt
-    assert [m.k for _, m in taken] == [f.k for f in fates if f.delay < 0.0] == damaged[: len(taken)]
+    corrupt = inbox.corrupt
+    assert (
+        [m.k for _, m in corrupt]
+        == [f.k for f in fates if f.delay < 0.0]
+        == damaged[: len(corrupt)]
+    )
     inbox.advance({0: (0, 199)}, 9.0)
     assert inbox.corrupt == []
     key, sealer = Keys("run").broadcast("a", "b"), Sealer(b"secret")
-    for _, message in taken:
+    for _, message in corrupt:
         with pytest.raises(Malformed, match="bad seal"):
             sealer.open_damaged(key, broadcast(message.k), message.k)
 
@@ -81,8 +85,8 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
 def test_a_narrow_link_carries_one_message_after_the_other():
     # 128 bytes at 51.2 kbit/s take 20 ms; one is sent every 10 ms: each waits 10 ms more.
     link = Link(0, "a", "b", model(rate={"bits_per_second": 51_200.0}))
-    found = [link.fate(k, sent=0.01 * k).delay for k in range(50)]
-    assert found == pytest.approx([0.02 + 0.01 * k for k in range(50)])
+    delays = [link.fate(k, sent=0.01 * k).delay for k in range(50)]
+    assert delays == pytest.approx([0.02 + 0.01 * k for k in range(50)])
     # After a pause nothing waits any more.
     assert link.fate(50, sent=10.0).delay == pytest.approx(0.02)
 
@@ -172,10 +176,10 @@ RAIN = {"type": f"{__name__}:Rain", "per_metre": 0.01}
 def test_a_rule_of_ones_own_takes_a_dozen_lines():
     link = Link(0, "a", "b", model(rules=[RAIN]))
     assert link.asks_distance
-    found = [link.fate(k, distance=30.0) for k in range(20_000)]
-    assert np.mean([f.delay is None for f in found]) == pytest.approx(0.3, abs=0.015)
-    kept = [f.delay for f in found if f.delay is not None]
-    assert np.mean(np.array(kept) == 0.01) == pytest.approx(0.5, abs=0.02)
+    deliveries = [link.fate(k, distance=30.0) for k in range(20_000)]
+    assert np.mean([f.delay is None for f in deliveries]) == pytest.approx(0.3, abs=0.015)
+    delays = [f.delay for f in deliveries if f.delay is not None]
+    assert np.mean(np.array(delays) == 0.01) == pytest.approx(0.5, abs=0.02)
 
 
 def test_an_inbox_tells_a_rule_how_far_away_the_sender_is():

@@ -30,10 +30,10 @@ def befallen(field: str, **table: float) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("field", AFFECTED)
 def test_without_correlation_no_message_knows_of_another(field):
-    found = befallen(field)
-    assert np.mean(found) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / MANY))
-    assert chi_square_of_geometric(runs(found), SHARE) > 0.01
-    pairs = np.bincount(2 * found[:-1:2] + found[1::2], minlength=4)
+    hits = befallen(field)
+    assert np.mean(hits) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / MANY))
+    assert chi_square_of_geometric(runs(hits), SHARE) > 0.01
+    pairs = np.bincount(2 * hits[:-1:2] + hits[1::2], minlength=4)
     expected = np.outer([1 - SHARE, SHARE], [1 - SHARE, SHARE]).ravel() * (MANY // 2)
     assert chisquare(pairs, expected).pvalue > 0.01
 
@@ -43,13 +43,11 @@ def test_without_correlation_no_message_knows_of_another(field):
     ("field", "correlation"), [("corrupt", 0.3), ("duplicate", 0.8), ("reorder", 0.5)]
 )
 def test_a_correlation_makes_runs_and_leaves_the_share_as_it_is(field, correlation):
-    found = befallen(field, correlation=correlation)
+    hits = befallen(field, correlation=correlation)
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)
-    assert np.mean(found) == pytest.approx(
-        SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / effective)
-    )
-    assert chi_square_of_geometric(runs(found), correlation + (1.0 - correlation) * SHARE) > 0.01
+    assert np.mean(hits) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / effective))
+    assert chi_square_of_geometric(runs(hits), correlation + (1.0 - correlation) * SHARE) > 0.01
     for ahead in (1, 2):
         expected = correlation**ahead
-        measured = np.corrcoef(found[ahead:], found[:-ahead])[0, 1]
+        measured = np.corrcoef(hits[ahead:], hits[:-ahead])[0, 1]
         assert measured == pytest.approx(expected, abs=5.0 / np.sqrt(effective))

@@ -9,7 +9,7 @@ from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import Actuation, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Claim, Conviction, Fate
+from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import swarm_of_scenario
 
@@ -78,22 +78,22 @@ def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice(answers:
         answers.on_telemetry(0, report)
 
 
-SAID = Claim(0.0, (1.0, 0.0))
+SAID = AnnouncedInput(0.0, (1.0, 0.0))
 
 
 @pytest.mark.parametrize(
     "fate",
     [
-        Fate(1, 2, 0.0, (), SAID),
-        Fate(1, -1, 0.0, (), SAID),
-        Fate(1, 0, 0.0),
-        Fate(1, 0, -1.0, (), SAID),
-        Fate(1, 0, 0.0, (), Claim(0.0, (1.0,))),
+        DeliveryReport(1, 2, 0.0, (), SAID),
+        DeliveryReport(1, -1, 0.0, (), SAID),
+        DeliveryReport(1, 0, 0.0),
+        DeliveryReport(1, 0, -1.0, (), SAID),
+        DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.0, (1.0,))),
     ],
     ids=["of the future", "of none", "said nothing", "lost and heard", "of another size"],
 )
 def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
-    answers: Answers, fate: Fate
+    answers: Answers, fate: DeliveryReport
 ):
     for i in (0, 1):
         answers.expect(i, sample(0))

@@ -5,11 +5,11 @@ import math
 import pytest
 from phalanx_plant.judge.claims import Claims, Finding
 
-from phalanx.network.inbox import Claim, Fate
+from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 
-TRUTH, LIE = Claim(0.03, (1.0, 0.5)), Claim(0.03, (-1.0, -0.5))
+TRUTH, LIE = AnnouncedInput(0.03, (1.0, 0.5)), AnnouncedInput(0.03, (-1.0, -0.5))
 
 
 def claims(**lie: object) -> Claims:
@@ -25,9 +25,9 @@ def counted(checked: Claims) -> tuple[int, int, float | None]:
 def test_a_claim_is_true_if_it_is_the_actuators_input_and_its_time():
     checked = claims()
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert checked.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
-    for t, false in ((0.05, LIE), (0.06, Claim(0.031, TRUTH.u))):
-        assert checked.check(0, Fate(1, 3, 0.0, (), false), t) == Finding(false=True)
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
+    for t, false in ((0.05, LIE), (0.06, AnnouncedInput(0.031, TRUTH.u))):
+        assert checked.check(0, DeliveryReport(1, 3, 0.0, (), false), t) == Finding(false=True)
     assert counted(checked) == (2, 3, 0.05)
     assert checked.truthful.note.endswith("false were 2 by 2")
 
@@ -35,14 +35,14 @@ def test_a_claim_is_true_if_it_is_the_actuators_input_and_its_time():
 def test_a_lost_broadcast_claims_nothing():
     checked = claims()
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    checked.check(0, Fate(1, 3, -1.0), 0.04)
+    checked.check(0, DeliveryReport(1, 3, -1.0), 0.04)
     assert counted(checked) == (0, 0, None)
 
 
 def test_a_claim_received_before_its_input_reached_the_actuator_is_checked_after():
     checked = claims(says="opposite")
     checked.add_truth(1, 2, TRUTH, TRUTH.t_apply)
-    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding()
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), LIE), 0.04) == Finding()
     assert counted(checked) == (0, 0, None)
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
     assert counted(checked) == (1, 1, 0.04)
@@ -52,28 +52,28 @@ def test_a_claim_received_before_its_input_reached_the_actuator_is_checked_after
 def test_a_declared_lie_is_counted_for_each_peer_that_heard_it():
     checked = claims(says="opposite", to=["1"])
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04) == Finding(True, (0,))
-    assert checked.check(2, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), LIE), 0.04) == Finding(True, (0,))
+    assert checked.check(2, DeliveryReport(1, 3, 0.0, (), TRUTH), 0.04) == Finding()
     # No fault declares that agent 3 is lied to as well: a lie of the agent's own, or agent 3's.
-    assert checked.check(2, Fate(1, 3, 0.0, (), LIE), 0.05) == Finding(True)
+    assert checked.check(2, DeliveryReport(1, 3, 0.0, (), LIE), 0.05) == Finding(True)
     assert checked.faults == {0: 1}
     assert counted(checked) == (2, 3, 0.04)
 
 
 def test_a_replayed_input_is_recognised_from_earlier_ones():
     checked = claims(replay=2)
-    old = Claim(0.01, (4.0, 0.0))
+    old = AnnouncedInput(0.01, (4.0, 0.0))
     for k, claim in ((1, old), (3, TRUTH)):
         checked.add_truth(1, k, claim, claim.t_apply)
-    replayed = Claim(TRUTH.t_apply, old.u)
-    assert checked.check(0, Fate(1, 3, 0.0, (), replayed), 0.04).lies == (0,)
+    replayed = AnnouncedInput(TRUTH.t_apply, old.u)
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), replayed), 0.04).lies == (0,)
 
 
 @pytest.mark.parametrize("held_from", [0.0345, math.inf])
 def test_an_input_that_was_held_late_or_never_makes_its_broadcast_false(held_from):
     checked = claims()
     checked.add_truth(1, 3, TRUTH, held_from)
-    assert checked.check(0, Fate(1, 3, 0.0, (), TRUTH), 0.04) == Finding(false=True)
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), TRUTH), 0.04) == Finding(false=True)
     assert checked.betrayals == {"2": TRUTH.t_apply}
     assert not checked.faults
 
@@ -81,7 +81,7 @@ def test_an_input_that_was_held_late_or_never_makes_its_broadcast_false(held_fro
 def test_an_adversary_accuses_nobody():
     checked = claims()
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert checked.check(0, Fate(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()
+    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()
     assert counted(checked) == (0, 0, None)
     assert not checked.betrayals
 
@@ -90,7 +90,7 @@ def test_who_heard_a_false_claim_was_misled_from_the_time_that_it_names():
     checked = claims(says="opposite", to=["1"])
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
     for receiver, claim in ((0, LIE), (2, TRUTH)):
-        checked.check(receiver, Fate(1, 3, 0.0, (), claim), 0.04)
+        checked.check(receiver, DeliveryReport(1, 3, 0.0, (), claim), 0.04)
     # As ages are reported, and times are sums of periods.
     assert [checked.misled(i, 1, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
     assert not checked.misled(0, 1, LIE.t_apply - 0.01)

@@ -19,7 +19,7 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Claim, Conviction, Fate
+from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import rows_of_scenario
@@ -130,7 +130,7 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
     judge = judge_of()
     apply(judge, 1, t=0.0, u=(1.0, 0.0))
     for i, speed in ((0, -1.0), (2, 1.0)):
-        fates = (Fate(1, 0, 0.0, (), Claim(0.0, (speed, 0.0))),)
+        fates = (DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.0, (speed, 0.0))),)
         apply(judge, i, t=0.005, ages=((1, 0.005),), fates=fates)
     assert counted(judge, "received inputs in force") == (1, 2, 0.005)
     assert counted(judge, "truthful broadcasts") == (1, 2, 0.005)

@@ -100,7 +100,7 @@ def test_an_agent_takes_no_more_samples_than_its_peers_accept_however_often_it_i
     for command in sorted(declared(swarm), key=lambda command: command.t):
         while schedule.tick(1) < command.t:
             schedule.sampled(1, schedule.tick(1))
-        if command.harms:
+        if command.is_failure:
             schedule.silence(1)
         else:
             schedule.resume(1, command.t)

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.swarm.watch import covering
 
-SENT = {k: Claim(0.01 * k, (float(k),)) for k in range(10)}
+SENT = {k: AnnouncedInput(0.01 * k, (float(k),)) for k in range(10)}
 
 
 def test_a_window_within_one_input_has_one_part():
@@ -42,5 +42,9 @@ def test_a_lost_broadcast_leaves_its_windows_unchecked(lost, begin, length):
 
 
 def test_announcements_that_go_back_in_time_are_not_checked():
-    back = {0: Claim(0.0, (0.0,)), 1: Claim(0.02, (0.0,)), 2: Claim(0.01, (0.0,))}
-    assert covering({**back, 3: Claim(0.05, (0.0,))}, 0.0, 0.04) is None
+    back = {
+        0: AnnouncedInput(0.0, (0.0,)),
+        1: AnnouncedInput(0.02, (0.0,)),
+        2: AnnouncedInput(0.01, (0.0,)),
+    }
+    assert covering({**back, 3: AnnouncedInput(0.05, (0.0,))}, 0.0, 0.04) is None

@@ -11,16 +11,16 @@ PATIENCE = 0.05
 
 @pytest.fixture
 def presence():
-    reasons, left = [], threading.Event()
+    reasons, departure = [], threading.Event()
 
     def leave(why: str) -> None:
         reasons.append(why)
-        left.set()
+        departure.set()
 
-    found = PlantPresence(PATIENCE, leave)
-    found.reasons, found.left = reasons, left
-    found.on_plant("", True)
-    return found
+    presence = PlantPresence(PATIENCE, leave)
+    presence.reasons, presence.departure = reasons, departure
+    presence.on_plant("", True)
+    return presence
 
 
 def test_without_a_router_the_hub_is_the_plant(presence) -> None:
@@ -29,13 +29,13 @@ def test_without_a_router_the_hub_is_the_plant(presence) -> None:
 
 
 def test_before_the_first_sample_a_hub_that_comes_back_was_not_lost() -> None:
-    left = threading.Event()
-    presence = PlantPresence(PATIENCE, lambda _: left.set(), begun=lambda: False)
+    departure = threading.Event()
+    presence = PlantPresence(PATIENCE, lambda _: departure.set(), begun=lambda: False)
     presence.on_plant("", False)
     presence.on_disconnect()
-    assert not left.is_set()
+    assert not departure.is_set()
     presence.on_plant("", True)
-    assert not left.wait(2.0 * PATIENCE)
+    assert not departure.wait(2.0 * PATIENCE)
 
 
 @pytest.mark.parametrize("tokens_first", [True, False])
@@ -47,7 +47,7 @@ def test_whoever_loses_the_router_waits_for_the_plant(presence, tokens_first: bo
     if not tokens_first:
         presence.on_plant("", False)
     presence.on_plant("", True)
-    assert not presence.left.wait(2.0 * PATIENCE)
+    assert not presence.departure.wait(2.0 * PATIENCE)
 
 
 @pytest.mark.parametrize("tokens_first", [True, False])
@@ -56,7 +56,7 @@ def test_but_not_for_ever(presence, tokens_first: bool) -> None:
     if tokens_first:
         presence.on_plant("", False)
     presence.on_disconnect()
-    assert presence.left.wait(30.0)
+    assert presence.departure.wait(30.0)
     assert presence.reasons == ["the plant is not back at its router"]
 
 
@@ -70,15 +70,15 @@ def test_a_plant_that_went_with_a_distant_router_may_come_back(
     for lose in losses if router_first else reversed(losses):
         lose()
     presence.on_plant("", True)
-    assert not presence.left.wait(2.0 * PATIENCE)
+    assert not presence.departure.wait(2.0 * PATIENCE)
     for lose in losses if router_first else reversed(losses):
         lose()
-    assert presence.left.wait(30.0)
+    assert presence.departure.wait(30.0)
     assert presence.reasons == ["the plant is not back at its router"]
 
 
 def test_a_plant_that_leaves_a_router_has_left(presence) -> None:
     presence.on_router("", True)
     presence.on_plant("", False)
-    assert presence.left.wait(30.0)
+    assert presence.departure.wait(30.0)
     assert presence.reasons == ["the plant left"]

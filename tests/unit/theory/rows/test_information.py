@@ -2,7 +2,7 @@
 
 import pytest
 
-from phalanx.network.inbox import Claim
+from phalanx.network.inbox import AnnouncedInput
 from phalanx.schema.built_in import BUILT_IN
 from phalanx.theory.rows.information import InFlight, Information, Paper, Split, WorstCase
 from tests.unit.swarms import rows_of_scenario
@@ -11,23 +11,23 @@ PLENTY = InFlight({0: 0.008, 1: 0.008}, 1.0)
 
 
 def test_in_flight_trusts_an_input_only_while_no_newer_one_can_be_in_force():
-    heard = {1: Claim(0.5, (1.0, 1.0))}
+    heard = {1: AnnouncedInput(0.5, (1.0, 1.0))}
     assert list(PLENTY.usable(heard, 0.5079)) == [1]
     assert list(PLENTY.usable(heard, 0.5081)) == []
 
 
 def test_in_flight_does_not_trust_the_input_of_an_agent_that_may_sample_at_this_very_instant():
-    assert PLENTY.usable({1: Claim(0.1, (1.0, 1.0))}, 0.1 + 0.008) == {}
+    assert PLENTY.usable({1: AnnouncedInput(0.1, (1.0, 1.0))}, 0.1 + 0.008) == {}
 
 
 @pytest.mark.parametrize("information", [Split, WorstCase])
 def test_split_and_worst_case_count_on_no_received_input(information):
     trust = information({0: 0.008, 1: 0.008}, 1.0)
-    assert trust.usable({1: Claim(0.0, (1.0, 1.0))}, 0.0) == {}
+    assert trust.usable({1: AnnouncedInput(0.0, (1.0, 1.0))}, 0.0) == {}
 
 
 def test_a_silent_neighbour_is_counted_on_no_more():
-    heard = {1: Claim(0.5, (1.0, 1.0))}
+    heard = {1: AnnouncedInput(0.5, (1.0, 1.0))}
     paper = Paper({0: 0.008, 1: 0.008}, 1.0)
     assert list(paper.usable(heard, 1.4)) == [1]
     assert list(paper.usable(heard, 1.6)) == []
@@ -51,5 +51,5 @@ class Newest(Information):
 def test_a_new_model_is_a_class_and_its_name(monkeypatch):
     monkeypatch.setitem(BUILT_IN[Information], "newest", f"{__name__}:Newest")
     rows = rows_of_scenario("unicycles", "safety.information=newest")
-    assert list(rows.swarm.information().usable({1: Claim(0.0, (1.0, 1.0))}, 99.0)) == [1]
+    assert list(rows.swarm.information().usable({1: AnnouncedInput(0.0, (1.0, 1.0))}, 99.0)) == [1]
     assert rows.swarm.safety.information_model.reads_roles
