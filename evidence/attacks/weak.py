@@ -20,8 +20,8 @@ from typing import Any
 
 import casadi as ca
 
-from phalanx.attacks.attack import Attacked, attack
-from phalanx.attacks.attacking import smallest
+from phalanx.attacks.minimise import smallest
+from phalanx.attacks.runner import Attacked, attack
 from phalanx.attacks.search import History, Options
 from phalanx.extend import IntegratedMargin, PairRow
 from phalanx.guarantee.verdict import Outcome

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import phalanx
 from phalanx.attacks.archive import Find, table_of
-from phalanx.attacks.attack import DECLARATION, attack
 from phalanx.attacks.knobs import Fields
 from phalanx.attacks.robustness import evaluate
+from phalanx.attacks.runner import DECLARATION, attack
 from phalanx.attacks.search import History, Options
 from phalanx.guarantee.start import promised
 from phalanx.scenario.load import load

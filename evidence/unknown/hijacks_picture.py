@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import polars as pl
 from verdicts import CASES, INFORMATION, Case, cells
 
-from phalanx.studies.statistics.common_seeds import rate
+from phalanx.studies.statistics import rate
 from phalanx.studies.store import Store
 
 SHIFT = 0.12

@@ -16,7 +16,7 @@ import phalanx
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
 from phalanx.seeded.draws import Draws
-from phalanx.studies.statistics.distributions import conformal_bound
+from phalanx.studies.statistics import conformal_bound
 from phalanx.theory.arrays import Array
 from tests.unit.guarantee.test_disturbance_ledger import MODELS, WINDOWS, explained, windows
 

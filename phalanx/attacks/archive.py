@@ -16,7 +16,7 @@ from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import scenario_text, set_field
 from phalanx.studies.row import Row
-from phalanx.studies.statistics.rates import Interval, clopper_pearson
+from phalanx.studies.statistics import Interval, clopper_pearson
 
 _PARTS = 8
 """Parts of a run's duration."""

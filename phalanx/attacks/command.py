@@ -14,7 +14,7 @@ from phalanx.launcher.streams import echo, echo_error
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from phalanx.attacks.attack import Attacked
+    from phalanx.attacks.runner import Attacked
     from phalanx.attacks.search import History, Options
 
 
@@ -84,7 +84,7 @@ def attack(
       phalanx attack unicycles --preset beyond --set duration=6 --workers 4
       phalanx run attacks/guaranteed/found/01-1-4-1.68s.toml
     """
-    from phalanx.attacks.attack import attack as search
+    from phalanx.attacks.runner import attack as search
     from phalanx.attacks.search import Options
     from phalanx.scenario.load import field_and_value
     from phalanx.studies.store import StudyError

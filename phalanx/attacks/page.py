@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import partial
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from phalanx.attacks.search import History, Search
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
 from phalanx.scenario.load import load
-from phalanx.studies.page.svg import svg_of
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 
@@ -30,9 +28,9 @@ def write_attack_page(
     """Write one HTML file that needs no other; return its path. Raises OSError."""
     name = str(search.space.table.get("name", "attack"))
     histories = [history for history in search.histories if history.finds]
-    parts = [f"<h1>Attacks on {escape(name)}</h1>", note(_INTRODUCTION)]
+    parts = []
     if histories:
-        curve = drawing(_CURVE, svg_of(partial(search_figure, histories)))
+        curve = drawing(_CURVE, partial(search_figure, histories))
         parts.append(section("Search", curve + table(*counts(histories))))
         files = {find.row.trajectory: file for _, find, file in finds}
         archived = search.archive.best_first
@@ -41,7 +39,7 @@ def write_attack_page(
             parts.append(section("The best attack", _best(search, archived[0][1], files)))
     else:
         parts.append(note("No run yet."))
-    return save_page(path, f"Attacks on {name}", parts, "72rem")
+    return save_page(path, f"Attacks on {name}", parts, about=_INTRODUCTION)
 
 
 _INTRODUCTION = (
@@ -111,7 +109,7 @@ def _best(search: Search, find: Find, files: dict[str, Path]) -> str:
         "adversary to the nearest normal agent over time. Adversaries are red."
     )
     t, x = found.recording.times, found.recording.x
-    shown = drawing(caption, svg_of(partial(space_time_figure, search.swarm, t, x, find.when)))
+    shown = drawing(caption, partial(space_time_figure, search.swarm, t, x, find.when))
     file = files.get(find.row.trajectory)
     command = f" Repeat it: phalanx run {file}" if file else ""
     said = note(f"{found.summary.outcome}: {found.summary.reason}.{command}")

@@ -22,11 +22,10 @@ from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load
 from phalanx.schema.user_code import imported_sources
-from phalanx.studies.executing import Executing, Task
 from phalanx.studies.identity import Identity, digest_of_modules, versions
 from phalanx.studies.row import BROKEN, Row, json_text, row_from
 from phalanx.studies.store import Store
-from phalanx.studies.work import Job, compute
+from phalanx.studies.work import Executing, Job, Task, compute
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 _CLOSE = 1.0

@@ -38,7 +38,7 @@ def shrink(
 
       phalanx shrink found/01-1-4-2.05s.toml --attacked guaranteed --out smallest.toml
     """
-    from phalanx.attacks.attacking import attack_text, read_attack, smallest
+    from phalanx.attacks.minimise import attack_text, read_attack, smallest
 
     table, origin, known = read_attack(file, attacked)
     found = smallest({**table, "name": name or table["name"]}, origin)
@@ -64,7 +64,7 @@ def replay(
 
       phalanx replay scenarios/attacks
     """
-    from phalanx.attacks.attacking import differences, stated
+    from phalanx.attacks.minimise import differences, stated
 
     status = 0
     for each in files:

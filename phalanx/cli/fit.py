@@ -126,7 +126,7 @@ class _Fit(NamedTuple):
 def _fit(found: "AgentDisturbances", level: float) -> _Fit:
     import numpy as np
 
-    from phalanx.studies.statistics.distributions import conformal_bound
+    from phalanx.studies.statistics import conformal_bound
 
     return _Fit(
         float(found.size.max()),

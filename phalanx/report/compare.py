@@ -19,8 +19,8 @@ from phalanx.recording.read import read, swarm_of
 from phalanx.report.html import figure, note, save_page, section, table
 from phalanx.report.links import link_statistics
 from phalanx.report.page import key_figures
-from phalanx.report.style import LIMIT, NORMAL, WORST, draw_line, legend, over_time
-from phalanx.report.write import draw_figures, image_of
+from phalanx.report.style import LIMIT, NORMAL, WORST, draw_line, image_of, legend, over_time
+from phalanx.report.write import draw_figures
 
 _SAME = ("name", "description", "reading")
 """Fields of a scenario without effect on the run."""
@@ -83,7 +83,6 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
     names = titles(runs)
     title, head = f"{len(runs)} runs", ("", *names)
     parts = [
-        f"<h1>{title}</h1>",
         section("Differences", table(head, differences(runs))),
         section("Results", table(head, results(runs))),
     ]
@@ -98,7 +97,7 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
             for name, run in zip(names, runs, strict=True)
         )
         parts.append(section(drawn, f'<div class="side-by-side">{shown}</div>'))
-    return save_page(path, title, parts, "none")
+    return save_page(path, title, parts, width="none")
 
 
 def titles(runs: Sequence[ComparedRun]) -> list[str]:

@@ -2,12 +2,15 @@
 
 import base64
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
+from matplotlib.figure import Figure
+
 from phalanx.files import whole_file
+from phalanx.report.style import svg_of
 
 MOST_ROWS = 60
 """Most rows of a table."""
@@ -97,9 +100,15 @@ for (const table of document.querySelectorAll("table.sortable")) {
 </script>"""
 
 
-def save_page(path: Path, title: str, parts: Iterable[str], width: str) -> Path:
-    """Write a page of parts made here, its contents before the sections; return its path."""
-    body = "\n".join(parts)
+def save_page(
+    path: Path, title: str, parts: Iterable[str], *, about: str = "", width: str = "72rem"
+) -> Path:
+    """Write a page of parts made here, its contents before the sections; return its path.
+
+    about: a sentence below the title.
+    """
+    head = [f"<h1>{escape(title)}</h1>", *([quiet(about)] if about else [])]
+    body = "\n".join([*head, *parts])
     links = re.findall(r'<section id="(.*?)"><h2>(.*?)</h2>', body)
     contents = "".join(f'<a href="#{name}">{shown}</a>' for name, shown in links)
     body = body.replace("<section", f"<nav>{contents}</nav>\n<section", 1)
@@ -145,9 +154,9 @@ def figure(caption: str, png: bytes) -> str:
     return _embedded("<figure>", "image/png", png, caption)
 
 
-def drawing(caption: str, svg: bytes) -> str:
+def drawing(caption: str, draw: Callable[[], Figure]) -> str:
     """A picture whose colours follow the page's, embedded in it, with its caption."""
-    return _embedded('<figure class="drawn">', "image/svg+xml", svg, caption)
+    return _embedded('<figure class="drawn">', "image/svg+xml", svg_of(draw), caption)
 
 
 def _embedded(start: str, kind: str, image: bytes, caption: str) -> str:
@@ -161,6 +170,11 @@ def _embedded(start: str, kind: str, image: bytes, caption: str) -> str:
 def note(text: str) -> str:
     """A paragraph about something that is missing."""
     return f'<p class="none">{escape(text)}</p>'
+
+
+def quiet(text: str) -> str:
+    """A paragraph in grey."""
+    return f'<p class="quiet">{escape(text)}</p>'
 
 
 def seconds(t: float | None) -> str:

@@ -9,7 +9,17 @@ from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.metrics.table import METRIC_HEAD
 from phalanx.recording.read import Recording, size_in_words
-from phalanx.report.html import MOST_ROWS, figure, note, percent, save_page, seconds, section, table
+from phalanx.report.html import (
+    MOST_ROWS,
+    figure,
+    note,
+    percent,
+    quiet,
+    save_page,
+    seconds,
+    section,
+    table,
+)
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
 from phalanx.theory.rows.origin import (
@@ -51,8 +61,6 @@ def write_page(
     scenario = recording.scenario
     title = f"{scenario.name}, seed {scenario.seed}"
     parts = [
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="quiet">{escape(scenario.description)}</p>',
         _verdict(recording),
         *starmap(figure, figures[:1]),
         *_origin(recording),
@@ -65,7 +73,7 @@ def write_page(
         "<details><summary>The scenario, with every default</summary>"
         f"<pre>{escape(scenario.model_dump_json(by_alias=True, indent=2))}</pre></details>",
     ]
-    return save_page(path, title, parts, "64rem")
+    return save_page(path, title, parts, about=scenario.description, width="64rem")
 
 
 def _origin(recording: Recording) -> list[str]:
@@ -76,7 +84,7 @@ def _origin(recording: Recording) -> list[str]:
     of_others = [f"{name} {made[name]}" for name in made if name not in _NO_VERSION]
     versions = ", ".join(filter(None, [*parts, *of_others]))
     shown = [f"<pre>{escape(command)}</pre>"] if command else []
-    return [*shown, f'<p class="quiet">{escape(versions)}</p>']
+    return [*shown, quiet(versions)]
 
 
 def _verdict(recording: Recording) -> str:

@@ -1,6 +1,8 @@
-"""The style of every figure: size, axes, legends, and one colour for each agent throughout."""
+"""The style of every figure: size, axes, legends, one colour for each agent; and its images."""
 
 import contextlib
+import io
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from textwrap import fill
@@ -10,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -60,6 +63,25 @@ STYLES = {
 SCREEN = next(iter(STYLES))
 _PANEL, _LETTERS = 0.8, 18
 """Width of a panel as a share of its figure, and letters of a title on each inch of that."""
+_DPI = 110
+_MARGIN = 0.1
+"""Margin around the drawn part of a figure [inch]."""
+DARK = {
+    "#000000": "#e4e7eb",
+    "#333333": "#c9ced6",
+    "#1f5fbf": "#7fb0ff",
+    "#1a7f46": "#4cc07f",
+    "#a86a00": "#e5a63c",
+    "#c1121f": "#ff6b73",
+    "#5d6570": "#9aa3ae",
+    "#8f2fb3": "#c98be6",
+}
+"""The colour on a dark page of each that is drawn on a light one; others stay."""
+
+# Texts come from rows: they are never formulas. They stay texts, and the same rows give one file.
+_SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "phalanx", "text.parse_math": False}
+_NAMELESS = {"Date": None, "Creator": None}
+_COLOUR = re.compile(r"(?<=fill: |roke: )#[0-9a-f]{6}")
 _current = ContextVar("style", default=STYLES[SCREEN])
 
 
@@ -193,3 +215,37 @@ def draw_many(
         draw_line(axes, curves[name], colour=colour, held=True, label=label)
     axes.margins(x=0.01)
     legend(axes)
+
+
+def image_of(figure: Figure) -> bytes:
+    """A figure as PNG, laid out and then cut to its drawn part.
+
+    savefig alone can do both, but draws the whole figure once more to lay it out.
+    """
+    image = io.BytesIO()
+    figure.dpi = _DPI
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+    figure.set_layout_engine()
+    cut = figure.get_tightbbox(renderer).padded(_MARGIN)
+    figure.savefig(image, format="png", dpi=_DPI, bbox_inches=cut)
+    return image.getvalue()
+
+
+def svg_of(draw: Callable[[], Figure]) -> bytes:
+    """Draw a figure as SVG, without background."""
+    file = io.StringIO()
+    with mpl.rc_context(_SETTINGS):
+        draw().savefig(file, format="svg", metadata=_NAMELESS, transparent=True)
+    svg = file.getvalue()
+    head, start, body = svg[svg.index("<svg") :].partition("<defs>")
+    name = {light: f"--{light[1:]}" for light in DARK}
+    body = _COLOUR.sub(lambda at: f"var({name[at[0]]})" if at[0] in name else at[0], start + body)
+    light = "".join(f"{name[each]}:{each};" for each in DARK)
+    dark = "".join(f"{name[each]}:{DARK[each]};" for each in DARK)
+    style = (
+        f"<style>:root{{{light}fill:var({name['#000000']})}}"
+        f"@media (prefers-color-scheme:dark){{:root{{{dark}}}}}</style>"
+    )
+    return f"{head}{style}{body}".encode()

@@ -1,12 +1,10 @@
 """Write the report of a run: its figures as PNG, and one HTML file."""
 
-import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from phalanx.files import real_folder, whole_file
@@ -17,14 +15,11 @@ from phalanx.report import safety, steps
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
 from phalanx.report.page import write_page
 from phalanx.report.paths import paths
-from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, summarises
+from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, image_of, summarises
 
 REPORT = "report.html"
-_DPI = 110
 _DATELESS = {"CreationDate": None}
 """Metadata of PDF: the same run gives the same file."""
-_MARGIN = 0.1
-"""Margin around the drawn part of a figure [inch]."""
 
 
 class ReportFigure(NamedTuple):
@@ -61,22 +56,6 @@ def write_report(
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report = recording.path.parent / REPORT
     return write_page(report, recording, metrics, links, drawn, notes(history))
-
-
-def image_of(figure: Figure) -> bytes:
-    """A figure as PNG, laid out and then cut to its drawn part.
-
-    savefig alone can do both, but draws the whole figure once more to lay it out.
-    """
-    image = io.BytesIO()
-    figure.dpi = _DPI
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    if (layout := figure.get_layout_engine()) is not None:
-        layout.execute(figure)
-    figure.set_layout_engine()
-    cut = figure.get_tightbbox(renderer).padded(_MARGIN)
-    figure.savefig(image, format="png", dpi=_DPI, bbox_inches=cut)
-    return image.getvalue()
 
 
 def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterator[ReportFigure]:

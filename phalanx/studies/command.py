@@ -174,7 +174,7 @@ def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]
 
 
 def _say_why(plan: "Plan", folder: Path) -> int:
-    from phalanx.studies.inventory import missing_by_reason
+    from phalanx.studies.coordinator import missing_by_reason
     from phalanx.studies.store import Store
 
     with _refusals():

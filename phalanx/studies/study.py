@@ -27,8 +27,7 @@ from phalanx.studies.coordinator import Coordinator, Progress, StudyProgress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
 from phalanx.studies.row import REFUSED, counted, json_text
-from phalanx.studies.statistics.common_seeds import rate
-from phalanx.studies.statistics.sequences import runs_until_width
+from phalanx.studies.statistics import rate, runs_until_width
 from phalanx.studies.store import PLAN, Store
 
 

@@ -1,14 +1,17 @@
-"""The work of a study: compute the rows of one point for some seeds, in any process.
+"""The work of a study: jobs, which any process or machine can compute, and their execution.
 
-A job holds all that it needs, so that it can travel to another machine.
+A job holds all that it needs, so that it can travel.
 """
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from typing import Any, NamedTuple
 
 import phalanx
+from phalanx.launcher import interrupt
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.recording.read import swarm_of
@@ -18,6 +21,9 @@ from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import shared_rows
 from phalanx.theory.expressions.user_methods import MistakenMethodError
+
+MOST_ATTEMPTS = 3
+"""Attempts at a run whose worker dies."""
 
 
 class Job(NamedTuple):
@@ -80,3 +86,76 @@ def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
 def compute(job: Job, work: Work = _measured) -> list[Row]:
     """Run every run of a job to its verdict, without files; return their rows."""
     return [_row_by(work, job, identity) for identity in job.identities]
+
+
+class Task(NamedTuple):
+    """Runs that are computed together."""
+
+    work: Callable[[Job], list[Row]]
+    """Returns the row of each run."""
+    job: Job
+    take: tuple[Callable[[Row], None], ...]
+    """Of each run, what takes its row, also if the run is given up."""
+    attempts: int = MOST_ATTEMPTS
+    """Most of them."""
+    attempt: int = 1
+
+
+class Executing:
+    """Executes tasks."""
+
+    def __init__(
+        self, executor: Executor, in_flight: float, report: Callable[[], object] = lambda: None
+    ) -> None:
+        """Prepare.
+
+        Args:
+            executor: of the tasks.
+            in_flight: most tasks that are handed out at a time.
+            report: called before each wait, and at the end.
+        """
+        self.first: deque[Task] = deque()
+        """Tasks to hand out before others: repetitions."""
+        self._executor, self._in_flight, self._report = executor, in_flight, report
+
+    def run(self, tasks: Iterator[Task]) -> None:
+        """Execute tasks; a Ctrl-C that is deferred ends it at the next wait."""
+        pending: dict[Future[list[Row]], Task] = {}
+        try:
+            while True:
+                while len(pending) < self._in_flight:
+                    task = self.first.popleft() if self.first else next(tasks, None)
+                    if task is None:
+                        break
+                    pending[self._executor.submit(task.work, task.job)] = task
+                self._report()
+                if not pending:
+                    return
+                with interrupt.NotDeferred():
+                    finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+                for future in [future for future in pending if future in finished]:
+                    self._take(future, pending.pop(future))
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _take(self, future: "Future[list[Row]]", task: Task) -> None:
+        try:
+            rows = future.result()
+        except Exception as error:  # of the executor: its worker died
+            self._take_failure(task, f"{type(error).__name__}: {error}")
+            return
+        for take, row in zip(task.take, rows, strict=True):
+            take(row)
+
+    def _take_failure(self, task: Task, reason: str) -> None:
+        """Try the runs of a task again, each alone; after the last attempt give them up."""
+        job, attempt = task.job, task.attempt
+        words = f"tried {attempt} times: {reason}" if attempt > 1 else reason
+        for take, identity in zip(task.take, job.identities, strict=True):
+            if attempt < task.attempts:
+                alone = job._replace(identities=(identity,))
+                self.first.append(Task(task.work, alone, (take,), task.attempts, attempt + 1))
+            else:
+                overrides = job.overrides
+                take(Row(identity=identity, overrides=overrides, outcome=BROKEN, reason=words))

@@ -45,7 +45,6 @@ _TEST_MARGIN = "tests/unit/theory/margins/test_integrated_margin.py"
 _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_verify.py"
 _COORDINATOR = "phalanx/studies/coordinator.py"
 _TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
-_INVENTORY = "phalanx/studies/inventory.py"
 _TEST_SECRETS = "tests/process/viewer/test_secrets.py"
 _PROOFS, _TEST_PROOFS = (
     "phalanx/guarantee/proven_filter.py",
@@ -236,7 +235,7 @@ MUTANTS = (
     Mutant("another seed", _VERIFY, "{} if seed is None else", "{} if True else", _TEST_VERIFY),
     Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),
-    Mutant("a dead worker's runs given up at once", "phalanx/studies/executing.py",
+    Mutant("a dead worker's runs given up at once", "phalanx/studies/work.py",
            "if attempt < task.attempts:", "if False:", _TEST_COORDINATOR),
     Mutant("another trajectory called confirmed", _COORDINATOR,
            "same = again.trajectory == row.trajectory", "same = True", _TEST_COORDINATOR),
@@ -247,9 +246,9 @@ MUTANTS = (
     Mutant("seeds beyond the width", _COORDINATOR,
            "if not refusal and state.narrow(self._plan.until_width):",
            "if False:", _TEST_COORDINATOR),
-    Mutant("a broken run used again", _INVENTORY,
+    Mutant("a broken run used again", _COORDINATOR,
            "if outcome != BROKEN and identity.scenario:", "if identity.scenario:",
-           "tests/unit/studies/test_inventory.py"),
+           _TEST_COORDINATOR),
     Mutant("rows of other modules", "phalanx/studies/identity.py", "return _digest(list(self))",
            "return _digest([*self[:2], *self[3:]])", "tests/unit/studies"),
     Mutant("rows of other versions", "phalanx/studies/identity.py", "return _digest(list(self))",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.attacks.attacking import differences, smallest, stated
+from phalanx.attacks.minimise import differences, smallest, stated
 from phalanx.scenario.load import ScenarioError, read_table
 from tests.layers import layered
 

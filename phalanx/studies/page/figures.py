@@ -14,7 +14,7 @@ from phalanx.guarantee.verdict import Outcome
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels
 from phalanx.seeded.draws import Draws
 from phalanx.studies.page.groups import Group, in_percent
-from phalanx.studies.statistics.distributions import dkw_band
+from phalanx.studies.statistics import dkw_band
 from phalanx.theory.arrays import Array
 
 _LOOKS = {

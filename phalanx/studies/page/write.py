@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +29,8 @@ from phalanx.studies.page.groups import (
     labels,
     seen,
 )
-from phalanx.studies.page.svg import svg_of
 from phalanx.studies.row import REFUSED, counted, without_effect
-from phalanx.studies.statistics.common_seeds import Rate
+from phalanx.studies.statistics import Rate
 
 MOST_LISTED = 500
 _MOST_MAPS = 3
@@ -71,8 +69,6 @@ def write_study_page(
     runs = counted(frame)
     groups = {axis: by_axis(runs, axis, anytime) for axis in axes}
     parts = [
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="quiet">{escape(_counts(frame, runs))}</p>',
         *map(note, without_effect(runs, axes)),
         section("Outcomes", _rates("", [group("all", runs, anytime)]) + note(_intervals(anytime))),
         *(section(f"Over {axis}", _over(axis, found)) for axis, found in groups.items()),
@@ -81,7 +77,7 @@ def write_study_page(
         *_costs(runs, axes),
         section("Rows, the worst first", _rows(frame, axes, command)),
     ]
-    return save_page(path, title, parts, "72rem")
+    return save_page(path, title, parts, about=_counts(frame, runs))
 
 
 def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False) -> str:
@@ -149,8 +145,8 @@ def _over(axis: str, groups: Sequence[Group]) -> str:
     if not groups:
         return note("No runs.")
     caption = f"Rate of each outcome over {axis}, with 95 % intervals; other axes are averaged."
-    drawn = svg_of(partial(rates_figure, axis, groups, seen(groups)))
-    return drawing(caption, drawn) + _rates(axis, groups)
+    curves = drawing(caption, partial(rates_figure, axis, groups, seen(groups)))
+    return curves + _rates(axis, groups)
 
 
 def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[str]:
@@ -166,7 +162,7 @@ def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[st
         parts = [
             drawing(
                 f"Rate of {outcome} runs over {pair[0]} and {pair[1]}, with its 95 % interval.",
-                svg_of(partial(heat_figure, pair, (columns, rows), cells, outcome)),
+                partial(heat_figure, pair, (columns, rows), cells, outcome),
             )
             for outcome in (Outcome.VIOLATED, Outcome.GUARANTEED)
         ]
@@ -188,7 +184,7 @@ def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> 
         )
         if absent := runs["worst_h"].null_count():
             caption += f" {absent} runs without h are left out."
-        yield section("Worst h", drawing(caption, svg_of(partial(distribution_figure, shown))))
+        yield section("Worst h", drawing(caption, partial(distribution_figure, shown)))
 
 
 def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
@@ -199,8 +195,8 @@ def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
             caption = f"{column} against the worst h, of {of}. Less of both is better."
             best = [(p.name, f"{p.worst_h:.4g}", f"{p.cost:.4g}") for p in front(points)]
             shown = table(("not beaten in both", "worst h", column), best)
-            drawn = drawing(caption, svg_of(partial(cost_figure, points, cost)))
-            yield section(f"Cost against safety: {column}", drawn + shown)
+            curve = drawing(caption, partial(cost_figure, points, cost))
+            yield section(f"Cost against safety: {column}", curve + shown)
 
 
 def cost_points(runs: pl.DataFrame, axes: Sequence[str], column: str) -> tuple[list[Point], str]:

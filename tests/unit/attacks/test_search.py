@@ -8,9 +8,9 @@ from concurrent.futures import Executor, Future
 import pytest
 
 import phalanx
-from phalanx.attacks import attack as attacks
-from phalanx.attacks.attack import attack
+from phalanx.attacks import runner
 from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.attacks.runner import attack
 from phalanx.attacks.search import Options
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import load, read_table, scenario_text
@@ -125,7 +125,7 @@ def test_a_signal_in_the_baseline_leaves_the_page(scenario, tmp_path, installed)
 def test_a_signal_while_the_page_is_written_leaves_it_whole(
     scenario, tmp_path, installed, monkeypatch
 ):
-    written = attacks.write_attack_page
+    written = runner.write_attack_page
     signals = iter([signal.SIGTERM])
 
     def interrupted(*given):
@@ -133,7 +133,7 @@ def test_a_signal_while_the_page_is_written_leaves_it_whole(
             signal.raise_signal(number)
         return written(*given)
 
-    monkeypatch.setattr(attacks, "write_attack_page", interrupted)
+    monkeypatch.setattr(runner, "write_attack_page", interrupted)
     with pytest.raises(KeyboardInterrupt):
         searched(scenario, tmp_path, budget=5, batch=5, fresh=0, baseline=False)
     assert "The best attack" in (tmp_path / "attack.html").read_text()

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from phalanx.studies.page.figures import Point, front, one_of_each_seed, short
 from phalanx.studies.page.groups import MOST_GROUPS, by_axis, group, labels
 from phalanx.studies.row import counted
-from phalanx.studies.statistics.rates import clopper_pearson
-from phalanx.studies.statistics.sequences import beta_mixture, betting
+from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson
 from tests.unit.studies.frames import frame
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from phalanx.studies.page.svg import DARK
+from phalanx.report.style import DARK
 from phalanx.studies.page.write import MOST_LISTED, study_rates, write_study_page
 from tests.unit.studies.frames import frame, study
 

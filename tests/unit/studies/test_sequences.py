@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.studies.statistics.rates import clopper_pearson
-from phalanx.studies.statistics.sequences import beta_mixture, betting, runs_until_width
+from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson, runs_until_width
 from tests.layers import layered
-from tests.unit.statistics.studies import draws, misses, most_misses
-from tests.unit.statistics.test_rates import counted
+from tests.unit.studies.test_statistics import counted, draws, misses, most_misses
 
 LOOKS = np.arange(10, 1001, 10)
 
@@ -97,10 +95,9 @@ def seeds_of_rows(kind: str, studies: np.ndarray) -> tuple[np.ndarray, float]:
 )
 def test_betting_covers_the_mean_of_seeds_with_several_rows_however_one_looks(kind):
     values, mean = seeds_of_rows(kind, draws(60, 13))
-    seen = [[betting(study[:n]) for n in (20, 40, 60)] for study in values]
-    assert sum(any(misses(each, mean) for each in looked) for looked in seen) <= most_misses()
-    intervals = [looked[-1] for looked in seen]
-    assert np.mean([each.width for each in intervals]) < 0.45
+    looks = [[betting(study[:n]) for n in (20, 40, 60)] for study in values]
+    assert sum(any(misses(i, mean) for i in intervals) for intervals in looks) <= most_misses()
+    assert np.mean([last.width for *_, last in looks]) < 0.45
 
 
 def test_rows_of_a_common_seed_break_the_interval_of_independent_ones():

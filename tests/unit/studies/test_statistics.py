@@ -1,0 +1,176 @@
+"""Intervals, bands and bounds cover as they say, in synthetic studies whose truth is known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom, binomtest
+
+from phalanx.studies.statistics import (
+    beta_mixture,
+    betting,
+    clopper_pearson,
+    conformal_bound,
+    dkw_band,
+    rate,
+)
+
+STUDIES = 1000
+LEVELS = st.sampled_from([0.5, 0.9, 0.95, 0.999])
+
+
+def draws(*shape: int, seed: int = 0) -> np.ndarray:
+    """Uniform draws for all studies, shape (STUDIES, *shape)."""
+    return np.random.default_rng(seed).random((STUDIES, *shape))
+
+
+def most_misses(level: float = 0.95) -> int:
+    """The number of misses that an interval that covers so often exceeds once in 10 000 times."""
+    return int(binom.ppf(1.0 - 1e-4, STUDIES, 1.0 - level))
+
+
+def misses(interval, truth: float) -> np.ndarray:
+    """True where an interval does not hold the truth."""
+    low, high = interval
+    return (np.asarray(low) > truth) | (np.asarray(high) < truth)
+
+
+@st.composite
+def counted(draw, most=400):
+    """A number of successes and of runs."""
+    runs = draw(st.integers(0, most))
+    return draw(st.integers(0, runs)), runs
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.002, 0.03, 0.3, 0.5, 0.97, 1.0])
+@pytest.mark.parametrize("runs", [5, 100, 1000])
+def test_the_interval_covers_at_a_fixed_number_of_runs(rate, runs):
+    successes = (draws(runs) < rate).sum(axis=1)
+    assert misses(clopper_pearson(successes, runs), rate).sum() <= most_misses()
+
+
+@given(counted(), LEVELS)
+def test_it_is_the_exact_interval_of_scipy(k_of_n, level):
+    k, n = k_of_n
+    if n:
+        expected = binomtest(k, n).proportion_ci(level)
+        assert clopper_pearson(k, n, level) == pytest.approx((expected.low, expected.high))
+
+
+@given(counted(), LEVELS)
+def test_it_holds_the_observed_rate_and_mirrors_failures(k_of_n, level):
+    k, n = k_of_n
+    low, high = clopper_pearson(k, n, level)
+    assert 0.0 <= low <= (k / n if n else 0.5) <= high <= 1.0
+    assert clopper_pearson(n - k, n, level) == pytest.approx((1.0 - high, 1.0 - low))
+    assert (low == 0.0) == (k == 0)
+    assert (high == 1.0) == (k == n)
+
+
+@given(counted(), LEVELS)
+def test_one_more_success_moves_both_ends_up(k_of_n, level):
+    k, n = k_of_n
+    fewer, more = clopper_pearson(k, n + 1, level), clopper_pearson(k + 1, n + 1, level)
+    assert fewer.low < more.low
+    assert fewer.high < more.high
+
+
+@given(counted(most=50).filter(lambda each: each[1] > 0))
+def test_a_higher_level_and_fewer_runs_are_wider(k_of_n):
+    k, n = k_of_n
+    width = clopper_pearson(k, n).width
+    assert clopper_pearson(k, n, 0.99).width > width
+    assert clopper_pearson(2 * k, 2 * n).width < width
+
+
+def test_arrays_have_the_intervals_of_their_elements():
+    k = np.arange(11)
+    low, high = clopper_pearson(k, 10)
+    assert [tuple(clopper_pearson(int(each), 10)) for each in k] == list(
+        zip(low, high, strict=True)
+    )
+
+
+@pytest.mark.parametrize(("k", "n"), [(-1, 3), (4, 3), (1, 0)])
+def test_impossible_counts_are_refused(k, n):
+    with pytest.raises(ValueError, match="successes: expected none below 0"):
+        clopper_pearson(k, n)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
+def test_a_level_that_is_no_share_is_refused(level):
+    with pytest.raises(ValueError, match="level: expected a number between 0 and 1"):
+        clopper_pearson(1, 2, level)
+
+
+@pytest.mark.parametrize("n", [10, 300])
+def test_the_band_holds_the_whole_distribution(n):
+    missed = 0
+    for study in draws(n):
+        band = dkw_band(study)  # of a uniform distribution: F(x) = x
+        before = np.concatenate([[math.sqrt(math.log(40.0) / (2 * n))], band.high[:-1]])
+        # Up to the next value F rises, while the band stays as it is.
+        missed += bool(np.any(band.low > band.values) or np.any(before < band.values))
+    assert most_misses(0.995) < missed <= most_misses()
+
+
+def test_equal_values_share_one_step():
+    band = dkw_band([1.0, 0.0, 1.0, 1.0])
+    assert list(band.values) == [0.0, 1.0, 1.0, 1.0]
+    assert list(band.share) == [0.25, 1.0, 1.0, 1.0]
+
+
+def test_a_band_around_nothing_is_empty():
+    assert all(len(each) == 0 for each in dkw_band([]))
+
+
+@pytest.mark.parametrize(("n", "share"), [(99, 0.9), (999, 0.99)])
+def test_the_conformal_bound_holds_for_the_next_value_as_often_as_it_says(n, share):
+    kept = [study[-1] <= conformal_bound(study[:-1], share) for study in draws(n + 1)]
+    spread = math.sqrt(share * (1.0 - share) / len(kept))
+    assert abs(np.mean(kept) - share) < 4.0 * spread
+
+
+def test_too_few_values_have_no_conformal_bound():
+    values = np.arange(99.0)
+    assert conformal_bound(values, 0.99) == 98.0
+    assert math.isinf(conformal_bound(values[1:], 0.99))
+    assert math.isinf(conformal_bound([], 0.5))
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+def test_the_rate_over_a_grid_with_common_seeds_covers():
+    luck, seeds = draws(40, 1, seed=8), np.tile(np.arange(40), 6)
+    # Six points of a grid under each seed's luck, one point after the other.
+    limits = np.linspace(0.05, 0.3, 6)
+    rates = [rate((study < limits).T.ravel(), seeds) for study in luck]
+    assert sum(bool(misses(r.interval, limits.mean())) for r in rates) <= most_misses()
+    pooled = [clopper_pearson(round(240 * r.share), 240) for r in rates]
+    assert sum(bool(misses(interval, limits.mean())) for interval in pooled) > 2 * most_misses()
+
+
+def test_runs_with_seeds_of_their_own_are_independent():
+    hits = [True, False, False, True]
+    assert rate(hits, [5, 3, 8, 1]) == (0.5, clopper_pearson(2, 4), 4)
+    assert rate(hits, [5, 3, 8, 1], anytime=True) == (0.5, beta_mixture(2, 4), 4)
+
+
+def test_draws_of_other_fields_under_one_seed_are_independent():
+    assert rate([True, False, False, True], [7] * 4) == (0.5, clopper_pearson(2, 4), 4)
+
+
+def test_no_runs_say_nothing():
+    assert rate([], []) == (0.0, (0.0, 1.0), 0)
+
+
+def test_each_seed_counts_once():
+    hits = [True, False, False, True, False, True]
+    assert rate(hits, [9, 2, 5] * 2) == (0.5, betting([1.0, 0.0, 0.5]), 6)
+
+
+def test_a_seed_that_some_points_lack_is_left_out():
+    hits, seeds = [True, False, True, False, True], [0, 1, 2, 0, 1]
+    assert rate(hits, seeds) == (0.5, betting([0.5, 0.5]), 4)
