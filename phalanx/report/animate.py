@@ -125,16 +125,16 @@ def _write_video(stage: Stage, part: Path) -> None:
 def _write_image(stage: Stage, part: Path) -> None:
     canvas = FigureCanvasAgg(stage.figure)
 
-    def drawn() -> Image.Image:
+    def picture() -> Image.Image:
         canvas.draw()
         return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
     # One palette with its white, and no dithering: half the size, and the ground does not flicker.
     stage.show(len(stage.film.times) - 1)
-    palette = drawn().quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    palette = picture().quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE)
     # Each at once, since a picture of all colours takes three times the memory.
     first, *rest = [
-        drawn().quantize(palette=palette, dither=Image.Dither.NONE) for _ in stage.frames()
+        picture().quantize(palette=palette, dither=Image.Dither.NONE) for _ in stage.frames()
     ]
     # The ends of frames are rounded, not their lengths, which would change the speed.
     unit = _UNITS[part.suffix]
@@ -160,10 +160,10 @@ def _links(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> S
     ends = np.searchsorted(sent["sent"], film.times, side="right")
 
     def show(number: int) -> None:
-        found = sent[ends[number - 1] if number else 0 : ends[number]]
-        sides = np.sort(np.column_stack([found["sender"], found["receiver"]]), axis=1)
+        broadcasts = sent[ends[number - 1] if number else 0 : ends[number]]
+        sides = np.sort(np.column_stack([broadcasts["sender"], broadcasts["receiver"]]), axis=1)
         links, which = np.unique(sides, axis=0, return_inverse=True)
-        lost = np.bincount(which.ravel(), found["fate"] == FATES.index(LOST), len(links))
+        lost = np.bincount(which.ravel(), broadcasts["fate"] == FATES.index(LOST), len(links))
         share = (lost / np.bincount(which.ravel(), minlength=len(links)))[:, None]
         shade = share * to_rgb(_LOST) + (1.0 - share) * to_rgb(_DELIVERED)
         lines.set_segments(list(points[number][links]))
@@ -179,14 +179,14 @@ def _agents(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> 
     palette = colours(scenario)
     roster = list(scenario.roster())
     roles = [NORMAL if group.role == "normal" else _ADVERSARY for _, group, _ in roster]
-    own = roles if many else [palette[name] for name, _, _ in roster]
+    agent_colours = roles if many else [palette[name] for name, _, _ in roster]
     size = np.full(count, required_distance(scenario) or 0.4)
     discs = EllipseCollection(
         size, size, np.zeros(count), units="xy", offsets=points[0],
         offset_transform=axes.transData, linewidths=1.2, zorder=3,
     )  # fmt: skip
     axes.add_collection(discs)
-    trails = LineCollection([], colors=own, linewidths=1.2, alpha=0.6)
+    trails = LineCollection([], colors=agent_colours, linewidths=1.2, alpha=0.6)
     axes.add_collection(trails)
     names = [
         axes.annotate(name, p, ha="center", va="center", fontsize=8, color=LIMIT, zorder=4)
@@ -194,11 +194,11 @@ def _agents(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> 
         if not many
     ]
     empty = _empty_frames(history, film)
-    kept = max(int(_TRAIL * film.per_second), 1)
+    trail_length = max(int(_TRAIL * film.per_second), 1)
 
     def looks(i: int, condition: Condition) -> str:
         turned = condition is Condition.TURNED
-        return _SILENT if condition.silent else _ADVERSARY if turned else own[i]
+        return _SILENT if condition.silent else _ADVERSARY if turned else agent_colours[i]
 
     def show(number: int) -> None:
         conditions = {c.agent: c.condition for c in history.conditions if c.t <= film.times[number]}
@@ -206,7 +206,7 @@ def _agents(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> 
         discs.set_offsets(points[number])
         discs.set_facecolor([(*to_rgb(c), 0.3) for c in colour])
         discs.set_edgecolor([_EMPTY if empty[number, i] else colour[i] for i in range(count)])
-        trails.set_segments(list(points[max(number - kept, 0) : number + 1].swapaxes(0, 1)))
+        trails.set_segments(list(points[max(number - trail_length, 0) : number + 1].swapaxes(0, 1)))
         for text, p in zip(names, points[number], strict=False):
             text.set_position(p)
 
@@ -215,12 +215,12 @@ def _agents(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> 
 
 def _empty_frames(history: RecordedHistory, film: Film) -> Array:
     """Steps with an empty K_i since the last frame, as a mask of agents, shape (f, N)."""
-    found = np.zeros((len(film.times), len(history.swarm.names)), dtype=bool)
+    mask = np.zeros((len(film.times), len(history.swarm.names)), dtype=bool)
     for i in history.swarm.normal:
         steps = history.agent(i)
         at = np.searchsorted(film.times, steps.t[np.isin(steps.empty, list(EMPTY_CODES.values()))])
-        found[at[at < len(found)], i] = True
-    return found
+        mask[at[at < len(mask)], i] = True
+    return mask
 
 
 def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:

@@ -69,7 +69,7 @@ def compare(
     if len(runs) < 2:
         raise typer.BadParameter("expected two runs or more")
     require_other("--html", html, [find(run) for run in runs])
-    compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
+    compared = [compared_run(run, draw=html is not None, trust=trust) for run in runs]
     table = TextTable("", *titles(compared))
     for row in differences(compared):
         table.add_row(*row)

@@ -44,7 +44,7 @@ class ComparedRun:
     """At every recorded state."""
 
 
-def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
+def compared_run(run: Path, *, draw: bool, trust: bool = False) -> ComparedRun:
     """Read one run, and draw its figures if they are asked for.
 
     Two recordings may have different modules under the same name. Trusted code of each recording
@@ -53,18 +53,18 @@ def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
     Raises UnreadableRecordingError as read does.
     """
     if not trust:
-        return _compared(run, drawn)
+        return _compared(run, draw)
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max_workers=1, mp_context=spawn) as own:
-        return own.submit(_compared, run, drawn, trust=True).result()
+    with ProcessPoolExecutor(max_workers=1, mp_context=spawn) as executor:
+        return executor.submit(_compared, run, draw, trust=True).result()
 
 
-def _compared(folder: Path, drawn: bool, trust: bool = False) -> ComparedRun:
+def _compared(folder: Path, draw: bool, trust: bool = False) -> ComparedRun:
     run = read(folder, trust)
     scenario = json.loads(run.scenario.model_dump_json(by_alias=True))
     settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
     verdict = str(run.summary.outcome) if run.summary else f"unfinished: {run.unfinished}"
-    figures = draw_figures(ReportHistory(run), link_statistics(run)) if drawn else ()
+    figures = draw_figures(ReportHistory(run), link_statistics(run)) if draw else ()
     metrics = swarm_rows(metrics_of(run, swarm_of(run)))
     return ComparedRun(
         run.path.resolve().parent.name,
@@ -89,14 +89,14 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
     if all(len(run.h_tot.t) for run in runs):
         both = overlay({name: run.h_tot for name, run in zip(names, runs, strict=True)})
         parts.append(section("h_tot of all", figure(_TOGETHER, image_of(both))))
-    for drawn in dict.fromkeys(name for run in runs for name in run.figures):
-        shown = "".join(
-            figure(name, run.figures[drawn])
-            if drawn in run.figures
+    for figure_name in dict.fromkeys(name for run in runs for name in run.figures):
+        pictures = "".join(
+            figure(name, run.figures[figure_name])
+            if figure_name in run.figures
             else note(f"{name}: nothing to draw")
             for name, run in zip(names, runs, strict=True)
         )
-        parts.append(section(drawn, f'<div class="side-by-side">{shown}</div>'))
+        parts.append(section(figure_name, f'<div class="side-by-side">{pictures}</div>'))
     return save_page(path, title, parts, width="none")
 
 
@@ -157,9 +157,9 @@ def overlay(h_tot: Mapping[str, Series]) -> Figure:
         draw_line(above, series, colour=colour, width=1.2, label=label)
         if series is not base:
             common = Series(*(values[series.t <= base.t[-1]] for values in series))
-            apart = Series(common.t, common.y - np.interp(common.t, *base))
-            label = f"{title}: at most {np.abs(apart.y).max(initial=0.0):.3g}"
-            draw_line(below, apart, colour=colour, width=1.0, label=label)
+            difference = Series(common.t, common.y - np.interp(common.t, *base))
+            label = f"{title}: at most {np.abs(difference.y).max(initial=0.0):.3g}"
+            draw_line(below, difference, colour=colour, width=1.0, label=label)
     for axes, name in ((above, "$h_{tot}$"), (below, "$h_{tot}$, less the first's")):
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.set_ylabel(name)

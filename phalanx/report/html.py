@@ -131,7 +131,7 @@ def table(
     """A table of the first rows, at most so many; total: their number, if only some are given."""
     if not rows:
         return note("None.")
-    left = (total or len(rows)) - min(len(rows), most)
+    omitted = (total or len(rows)) - min(len(rows), most)
     titles = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
     top = f"<thead><tr>{titles}</tr></thead>" if titles else ""
     body = "\n".join(
@@ -140,13 +140,13 @@ def table(
         + "</tr>"
         for first, *rest in rows[:most]
     )
-    shown = f'<div class="wide" tabindex="0"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
-    return shown + (note(f"and {left} more") if left else "")
+    element = f'<div class="wide" tabindex="0"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
+    return element + (note(f"and {omitted} more") if omitted else "")
 
 
-def sortable(shown: str) -> str:
+def sortable(element: str) -> str:
     """A table with a head, made here, whose rows a click on a title sorts; the last on a page."""
-    return shown.replace("<table>", '<table class="sortable">', 1) + _SORT
+    return element.replace("<table>", '<table class="sortable">', 1) + _SORT
 
 
 def figure(caption: str, png: bytes) -> str:

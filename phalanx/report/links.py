@@ -84,12 +84,12 @@ def link_statistics(recording: Recording) -> list[LinkStatistics]:
     for step in recording.steps:
         for sender, _, delay in step.fates:
             decided[sender, step.agent].append(delay)
-    found = []
+    statistics = []
     for a, b in ((a, b) for a in steps for b in steps if (a, b) in decided):
-        kept = [delay for delay in decided[a, b] if delay >= 0.0]
-        lost = len(decided[a, b]) - len(kept)
-        found.append(LinkStatistics(a, b, links.model(a, b), len(steps[a]), lost, kept))
-    return found
+        delays = [delay for delay in decided[a, b] if delay >= 0.0]
+        lost = len(decided[a, b]) - len(delays)
+        statistics.append(LinkStatistics(a, b, links.model(a, b), len(steps[a]), lost, delays))
+    return statistics
 
 
 def losses(recording: Recording, links: Sequence[LinkStatistics]) -> Figure:
@@ -105,18 +105,18 @@ def losses(recording: Recording, links: Sequence[LinkStatistics]) -> Figure:
 
 def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     chosen = set(map(id, sorted(links, key=lambda link: -link.loss)[:_MOST_LINKS]))
-    shown = [link for link in links if id(link) in chosen]
-    places = np.arange(len(shown))
-    asked = np.array([link.model.loss for link in shown])
-    spread = 2.0 * np.sqrt(asked * (1.0 - asked) / [link.decided for link in shown])
-    lost, small = [100 * link.loss for link in shown], style.current().small
-    axes.bar(places, lost, width=0.6, color=style.MUTED, label="lost")
+    worst = [link for link in links if id(link) in chosen]
+    positions = np.arange(len(worst))
+    asked = np.array([link.model.loss for link in worst])
+    spread = 2.0 * np.sqrt(asked * (1.0 - asked) / [link.decided for link in worst])
+    lost, small = [100 * link.loss for link in worst], style.current().small
+    axes.bar(positions, lost, width=0.6, color=style.MUTED, label="lost")
     axes.errorbar(
-        places, 100 * asked, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
+        positions, 100 * asked, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
         capsize=4, label="link model, ±2 standard deviations\nof independent losses",
     )  # fmt: skip
-    axes.set_xticks(places, [link.name for link in shown])
-    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=small)
+    axes.set_xticks(positions, [link.name for link in worst])
+    axes.tick_params(axis="x", rotation=90 if len(worst) > 14 else 0, labelsize=small)
     axes.set_ylim(0.0, max(1.0, axes.get_ylim()[1]))
     axes.set_ylabel("lost broadcasts [%]")
     style.legend(axes)
@@ -149,8 +149,8 @@ def space_time(history: ReportHistory) -> Figure | None:
     """Draw the whole run, and its worst moment in detail; None without any broadcast."""
     if not len(history.broadcasts):
         return None
-    names, shown = history.swarm.names, _shown(history)
-    heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
+    names, agents = history.swarm.names, _zoomed_agents(history)
+    heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(agents)]
     size = style.current().width, (sum(heights) + 1.6) * style.current().heights
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
@@ -159,7 +159,7 @@ def space_time(history: ReportHistory) -> Figure | None:
     begin, end = zoom_window(steps, moment, float(history.times[-1]))
     _draw_whole(whole, history)
     whole.axvspan(begin, end, color="#000000", alpha=0.15, linewidth=0)
-    _draw_zoom(zoom, history, shown, begin, end)
+    _draw_zoom(zoom, history, agents, begin, end)
     return figure
 
 
@@ -180,39 +180,39 @@ def _draw_whole(axes: Axes, history: ReportHistory) -> None:
     ]
     if count > _MOST_LANES:
         for row in (1, 2):
-            drawn = (image[:, row] < 1.0).any(axis=-1)
-            image[:, 0][drawn] = image[:, row][drawn]
+            coloured = (image[:, row] < 1.0).any(axis=-1)
+            image[:, 0][coloured] = image[:, row][coloured]
         image = image[:, :1]
     axes.imshow(
         image.reshape(-1, intervals, 3),
         aspect="auto", interpolation="nearest", extent=(0.0, end, count - 0.5, -0.5),
     )  # fmt: skip
-    shown = range(0, count, -(-count // _MOST_LANES))
-    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=style.current().small)
+    ticks = range(0, count, -(-count // _MOST_LANES))
+    axes.set_yticks(list(ticks), [swarm.names[i] for i in ticks], fontsize=style.current().small)
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
-    found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
-    counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
-    style.title(axes, f"{found.sum()} broadcasts on all links: {counts}")
+    fates = np.bincount(history.broadcasts.fate, minlength=len(FATES))
+    counts = ", ".join(f"{count} {fate}" for count, fate in zip(fates, FATES, strict=True))
+    style.title(axes, f"{fates.sum()} broadcasts on all links: {counts}")
     marks = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
     style.legend(axes, handles=marks)
 
 
 def _draw_zoom(
-    axes: Axes, history: ReportHistory, shown: Sequence[int], begin: float, end: float
+    axes: Axes, history: ReportHistory, agents: Sequence[int], begin: float, end: float
 ) -> None:
     """Draw every control step as a dot, every broadcast as a line from sender to receiver."""
     names = history.swarm.names
     lane_of = np.zeros(len(names))
-    for lane, i in enumerate(shown):
+    for lane, i in enumerate(agents):
         lane_of[i] = lane
         axes.axhline(lane, color="#000000", alpha=0.25, linewidth=0.8, zorder=1)
         for colour, marker, origins in _DOTS:
             t = [s.t for s in history.steps[i] if begin <= s.t <= end and s.origin in origins]
             axes.plot(t, [lane] * len(t), marker, color=colour, markersize=4, zorder=4)
     sent = history.broadcasts[(begin <= history.broadcasts.sent) & (history.broadcasts.sent <= end)]
-    sent = sent[np.isin(sent.sender, shown) & np.isin(sent.receiver, shown)]
+    sent = sent[np.isin(sent.sender, agents) & np.isin(sent.receiver, agents)]
     for code, fate in enumerate(FATES):
         of_fate = sent[sent.fate == code]
         begins, ends, dashes = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
@@ -228,17 +228,17 @@ def _draw_zoom(
             )
         )  # fmt: skip
     axes.set_xlim(begin, end)
-    axes.set_ylim(len(shown) - 0.5, -0.5)
-    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=style.current().small)
-    left = len(names) - len(shown)
-    axes.set_ylabel("agent" + (f", {left} more not drawn" if left else ""))
+    axes.set_ylim(len(agents) - 0.5, -0.5)
+    axes.set_yticks(range(len(agents)), [names[i] for i in agents], fontsize=style.current().small)
+    omitted = len(names) - len(agents)
+    axes.set_ylabel("agent" + (f", {omitted} more not drawn" if omitted else ""))
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
     style.title(axes, "around the worst moment")
     style.legend(axes)
 
 
-def _shown(history: ReportHistory) -> list[int]:
+def _zoomed_agents(history: ReportHistory) -> list[int]:
     """Agents in the zoom: all; of many the worst pair's, then those that missed most broadcasts."""
     count = len(history.swarm.names)
     if count <= style.MOST_NAMED:

@@ -78,13 +78,13 @@ def write_page(
 
 def _origin(recording: Recording) -> list[str]:
     """The command that repeats this run, its date, and the versions of the libraries."""
-    scenario, made = recording.scenario, dict(recording.metadata)
+    scenario, metadata = recording.scenario, dict(recording.metadata)
     command = scenario.reading.command(scenario.seed) if scenario.reading else None
-    parts = [made.pop("date", ""), f"phalanx {made.pop('phalanx', 'of unknown version')}"]
-    of_others = [f"{name} {made[name]}" for name in made if name not in _NO_VERSION]
+    parts = [metadata.pop("date", ""), f"phalanx {metadata.pop('phalanx', 'of unknown version')}"]
+    of_others = [f"{name} {metadata[name]}" for name in metadata if name not in _NO_VERSION]
     versions = ", ".join(filter(None, [*parts, *of_others]))
-    shown = [f"<pre>{escape(command)}</pre>"] if command else []
-    return [*shown, quiet(versions)]
+    repeat = [f"<pre>{escape(command)}</pre>"] if command else []
+    return [*repeat, quiet(versions)]
 
 
 def _verdict(recording: Recording) -> str:
@@ -105,13 +105,13 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
     """Key figures of a run, each with its name."""
     summary, peak = recording.summary, worst(recording)
     counts = origins(recording)
-    steps, own = len(recording.steps), sum(counts.get(o, 0) for o in OF_CONTROLLERS)
-    normal = sum(counts.values()) - own
+    steps, by_controllers = len(recording.steps), sum(counts.get(o, 0) for o in OF_CONTROLLERS)
+    normal = sum(counts.values()) - by_controllers
     empty = sum(counts[o] for o in EMPTY)
     share = f"{empty} of {normal} normal steps ({percent(empty, normal)}): " if normal else ""
     kinds = ", ".join(f"{counts[o]} {origin_label(o)}" for o in EMPTY)
-    if own:
-        kinds += f"; {own} steps by another controller, which has no K_i"
+    if by_controllers:
+        kinds += f"; {by_controllers} steps by another controller, which has no K_i"
     if recording.scenario.safety.prove:
         proofs = ", ".join(f"{counts[o]} {origin_label(o)}" for o in OF_PROOFS)
         kinds += f"; certified for too short at first: {proofs}"
@@ -161,9 +161,9 @@ def _judgement(summary: Summary | None) -> list[str]:
                 v.pair, str(v.count), seconds(v.first), seconds(v.end), f"{v.worst:.6g}",
                 seconds(v.worst_at), seconds(v.duration),
             )
-            for v in sorted(found, key=lambda v: -v.worst)
+            for v in sorted(excursions, key=lambda v: -v.worst)
         ]
-        for found in (summary.violations, summary.excluded)
+        for excursions in (summary.violations, summary.excluded)
     )  # fmt: skip
     punctuality, trust = summary.punctuality, summary.trust
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
@@ -182,11 +182,11 @@ def _judgement(summary: Summary | None) -> list[str]:
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:
-    shown = sorted(links, key=lambda link: -link.excess) if len(links) > MOST_ROWS else links
+    worst = sorted(links, key=lambda link: -link.excess) if len(links) > MOST_ROWS else links
     head = ("link", "sent", "decided", "lost", "loss", "scenario's loss",
             "mean delay", "least", "most", "scenario's delay")  # fmt: skip
     rows = []
-    for link in shown[:MOST_ROWS]:
+    for link in worst[:MOST_ROWS]:
         d = link.delays
         times = (sum(d) / len(d), min(d), max(d)) if d else ()
         delays = [f"{1e3 * t:.4g} ms" for t in times] or ["none arrived"] * 3

@@ -45,16 +45,16 @@ def draw_paths(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
 def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
     """Lowest and highest coordinates of what is drawn, with a margin [m], shapes (d,)."""
     d, scenario = history.positions.shape[2], history.scenario
-    shown = [
+    extents = [
         history.positions.reshape(-1, d),
         *(np.array(line) for line in outlines(scenario.static)),
     ]
     for obstacle in scenario.obstacles:
         if isinstance(obstacle, Sphere):
-            shown.append(
+            extents.append(
                 np.array(obstacle.center) + np.outer([-1.0, 1.0], np.full(d, obstacle.clearance))
             )
-    points = np.concatenate(shown)
+    points = np.concatenate(extents)
     margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 

@@ -32,10 +32,10 @@ def plot(
         raise ValueError(f"{recording.path}: the recording holds no state: nothing to draw")
     history = ReportHistory(recording)
     with drawn_for(style):
-        drawn = dict(axes) if axes is not None else _new_axes(chosen)
+        axes_by_panel = dict(axes) if axes is not None else _new_axes(chosen)
         for name in chosen:
-            PANELS[name](drawn[name], history)
-    return {name: drawn[name] for name in chosen}
+            PANELS[name](axes_by_panel[name], history)
+    return {name: axes_by_panel[name] for name in chosen}
 
 
 def _new_axes(panels: Sequence[str]) -> dict[str, Axes]:

@@ -61,12 +61,12 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
     peak = worst(history.recording)
     assert peak is not None
     style.style_axes(axes)
-    shown = kept(history.h_tot)
+    states = kept(history.h_tot)
     axes.plot(
-        history.times[shown], history.h_tot[shown], color=NORMAL, linewidth=1.2, label="$h_{tot}$"
+        history.times[states], history.h_tot[states], color=NORMAL, linewidth=1.2, label="$h_{tot}$"
     )
-    shown = kept(history.h)
-    t, h = history.times[shown], np.where(np.isfinite(history.h), history.h, np.nan)[shown]
+    states = kept(history.h)
+    t, h = history.times[states], np.where(np.isfinite(history.h), history.h, np.nan)[states]
     axes.plot(t, h, color="#111111", linewidth=0.9, label="largest h of a pair")
     axes.axhline(0.0, color=LIMIT, linewidth=1.2)
     axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
@@ -74,7 +74,7 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
     axes.set_ylabel(f"h [{unit_of_psi(history.scenario) or 'SI'}]")
     axes.set_xlabel("t [s]")
     axes.margins(x=0.01)
-    axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(history.h_tot[shown]), 0.1))
+    axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(history.h_tot[states]), 0.1))
     style.title(axes, f"worst h {peak.h:.4g} at {peak.t:.3f} s", PEAK)
 
 
@@ -114,9 +114,9 @@ def nearest(
     """
     least = np.empty(len(pairs))
     shortest = {l: np.full(len(history.times), np.inf) for l in agents}
-    for place, pair in enumerate(pairs):
+    for number, pair in enumerate(pairs):
         distance = history.distance(pair)
-        least[place] = distance.min()
+        least[number] = distance.min()
         for l in shortest.keys() & set(pair):
             np.minimum(shortest[l], distance, out=shortest[l])
     closest = [(pairs[k], float(least[k])) for k in np.argsort(least, kind="stable")[:most]]
@@ -139,16 +139,16 @@ def distances(history: RecordedHistory) -> Figure | None:
     if not kinds:
         return None
     figure, rows = style.over_time(len(kinds), 2.4)
-    for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
+    for axes, (kind, pairs) in zip(rows, kinds.items(), strict=True):
         style.logarithmic(axes)
-        for value in _required(found, history.scenario):
+        for value in _required(pairs, history.scenario):
             axes.axhline(value, color=LIMIT, linestyle=":", linewidth=1.3)
         if style.summarises(history.scenario):
-            _draw_nearest(axes, found, history)
+            _draw_nearest(axes, pairs, history)
             style.legend(axes, f"{kind}: from each normal agent\nto the nearest, and closest pairs")
         else:
-            _draw_pairs(axes, found, history)
-            some = f", {_MOST_PAIRS} closest of {len(found)}" if len(found) > _MOST_PAIRS else ""
+            _draw_pairs(axes, pairs, history)
+            some = f", {_MOST_PAIRS} closest of {len(pairs)}" if len(pairs) > _MOST_PAIRS else ""
             style.legend(axes, f"{kind}{some}")
         axes.set_ylabel("distance [m]")
     return figure
@@ -177,8 +177,8 @@ def _pairs_by_kind(swarm: Swarm) -> dict[str, list[Pair]]:
 def _draw_pairs(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> None:
     """Draw the closest pairs, the closest first in the legend."""
     palette, swarm = style.colours(history.scenario), history.swarm
-    for place, (pair, least) in enumerate(nearest(history, pairs, (), _MOST_PAIRS).closest):
-        named = place < style.MOST_NAMED
+    for rank, (pair, least) in enumerate(nearest(history, pairs, (), _MOST_PAIRS).closest):
+        named = rank < style.MOST_NAMED
         style.draw_line(
             axes, Series(history.times, history.distance(pair)),
             colour=palette[swarm.names[pair.a]] if named else style.MUTED,
@@ -189,12 +189,12 @@ def _draw_pairs(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> 
 
 
 def _draw_nearest(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> None:
-    found = nearest(history, pairs, history.swarm.normal, style.FEW)
-    drawn = envelope([Series(history.times, of_agent) for of_agent in found.distances.T])
-    style.draw_envelope(axes, drawn, NORMAL, "all")
-    for (pair, least), colour in zip(found.closest, style.WORST, strict=False):
+    nearest_pairs = nearest(history, pairs, history.swarm.normal, style.FEW)
+    band = envelope([Series(history.times, of_agent) for of_agent in nearest_pairs.distances.T])
+    style.draw_envelope(axes, band, NORMAL, "all")
+    for (pair, least), colour in zip(nearest_pairs.closest, style.WORST, strict=False):
         series = Series(history.times, history.distance(pair))
         label = f"{history.swarm.safe_set.label(pair)}, least {least:.3g} m"
         style.draw_line(axes, series, colour=colour, width=0.9, label=label)
     # Agents that are far from all others later would press what matters into the lowest part.
-    axes.set_ylim(top=1.3 * float(drawn.values[-2].max()))
+    axes.set_ylim(top=1.3 * float(band.values[-2].max()))

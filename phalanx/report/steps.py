@@ -114,10 +114,10 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
     curves = [*_norm(history, i, curves), *curves]
     figure, rows = style.over_time(len(curves), 1.9)
     held_until = max(history.times[-1], steps.t[-1])
-    known = bool(np.isfinite(steps.u_nom).all())
+    has_nominal = bool(np.isfinite(steps.u_nom).all())
     for curve, axes in zip(curves, rows, strict=True):
         applied = curve.applied
-        if known:
+        if has_nominal:
             style.draw_line(axes, curve.nominal, colour=style.MUTED, width=0.7, held=True)
         style.draw_line(axes, applied.held(held_until), colour=colour[name], width=0.9, held=True)
         bounds = [bound for bound in curve.bounds if bound is not None]
@@ -130,7 +130,7 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
         margin = 0.12 * (high - low) or 1.0
         axes.set_ylim(low - margin, high + margin)
     rows[0].plot([], [], color=colour[name], label="applied")
-    if known:
+    if has_nominal:
         rows[0].plot([], [], color=style.MUTED, label="nominal")
     style.legend(rows[0], f"agent {name}")
     return figure
@@ -153,9 +153,9 @@ def _mark_empty(axes: Axes, steps: AgentSeries, values: Array) -> None:
     for origin, colour, size in ((Origin.NO_AUTHORITY, _LIGHT, 14), (Origin.BACKUP, "#e00000", 26)):
         marked = steps.empty == EMPTY_CODES[origin]
         label = f"{origin_label(origin)} ({marked.sum()} steps)"
-        places = steps.t[marked], values[marked]
+        points = steps.t[marked], values[marked]
         axes.scatter(
-            *places, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
+            *points, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
         )
 
 
@@ -164,12 +164,12 @@ def inputs_of_all(history: RecordedHistory) -> Figure:
 
     Only where U_i is a box: other polytopes have no bound of one input alone.
     """
-    made = [history.agent(i) for i in history.swarm.normal]
-    any_empty = any(steps.empty.any() for steps in made)
+    series = [history.agent(i) for i in history.swarm.normal]
+    any_empty = any(steps.empty.any() for steps in series)
     figure, rows = style.over_time(2 if any_empty else 1, 2.6)
     draw_shares(rows[0], history)
     if any_empty:
-        _draw_empty(rows[1], made)
+        _draw_empty(rows[1], series)
     return figure
 
 
@@ -196,9 +196,9 @@ def draw_shares(axes: Axes, history: RecordedHistory) -> None:
     axes.set_ylabel("largest share\nof an input's bound")
 
 
-def _draw_empty(axes: Axes, made: Sequence[AgentSeries]) -> None:
+def _draw_empty(axes: Axes, series: Sequence[AgentSeries]) -> None:
     """Draw the share of each interval's steps whose K_i was empty, by the input's origin."""
-    t, empty = (np.concatenate([getattr(s, name) for s in made]) for name in ("sampled", "empty"))
+    t, empty = (np.concatenate([getattr(s, name) for s in series]) for name in ("sampled", "empty"))
     edges = np.linspace(0.0, t.max(), _EMPTY_INTERVALS + 1)
     total = np.maximum(np.histogram(t, edges)[0], 1)
     below = np.zeros(_EMPTY_INTERVALS)
@@ -222,15 +222,15 @@ def solve_times(history: RecordedHistory) -> Figure:
     figure, (axes,) = style.panels(1, 3.2)
     if not style.summarises(history.scenario):
         palette = style.colours(history.scenario)
-        for name, taken in zip(names, every, strict=True):
-            _draw_time_shares(axes, taken, palette[name], name, 1.3)
+        for name, times in zip(names, every, strict=True):
+            _draw_time_shares(axes, times, palette[name], name, 1.3)
         style.legend(axes, "agent")
         return figure
     roles = ("normal agents", style.NORMAL, True), ("adversaries", style.ADVERSARY, False)
     for role, colour, is_normal in roles:
-        of_role = [taken for i, taken in enumerate(every) if (i in normal) == is_normal]
+        of_role = [times for i, times in enumerate(every) if (i in normal) == is_normal]
         _draw_time_shares(axes, np.concatenate([*of_role, []]), colour, role, 2.2)
-    late = {i: np.percentile(taken, 99) for i, taken in enumerate(every) if len(taken)}
+    late = {i: np.percentile(times, 99) for i, times in enumerate(every) if len(times)}
     slowest = sorted(late, key=lambda i: -late[i])[: style.FEW]
     for i, colour in zip(slowest, style.WORST, strict=False):
         _draw_time_shares(axes, every[i], colour, names[i], 0.8)
@@ -238,17 +238,17 @@ def solve_times(history: RecordedHistory) -> Figure:
     return figure
 
 
-def _draw_time_shares(axes: Axes, taken: Array, colour: str, name: str, width: float) -> None:
-    """Draw the share of steps that took at least a wall time; taken: of each [ms], shape (s,)."""
-    if not len(taken):
+def _draw_time_shares(axes: Axes, times: Array, colour: str, name: str, width: float) -> None:
+    """Draw the share of steps that took at least a wall time; times: of each [ms], shape (s,)."""
+    if not len(times):
         return
-    taken = np.sort(taken)
-    longer = 1.0 - np.arange(len(taken)) / len(taken)
-    middle, late = np.percentile(taken, [50, 99])
+    times = np.sort(times)
+    longer = 1.0 - np.arange(len(times)) / len(times)
+    middle, late = np.percentile(times, [50, 99])
     label = f"{name}: median {middle:.3g}, 99 % {late:.3g} ms"
     # Every slow step, and fewer and fewer of the faster ones: the axis is logarithmic.
-    shown = np.unique(len(taken) - np.geomspace(1, len(taken), _TIME_POINTS).astype(int))
-    axes.plot(taken[shown], longer[shown], color=colour, linewidth=width, label=label)
+    samples = np.unique(len(times) - np.geomspace(1, len(times), _TIME_POINTS).astype(int))
+    axes.plot(times[samples], longer[samples], color=colour, linewidth=width, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:g} %")

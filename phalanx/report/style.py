@@ -123,8 +123,8 @@ def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     size = style.width, (rows * height + 0.3) * style.heights
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
-    for each in axes:
-        style_axes(each)
+    for panel in axes:
+        style_axes(panel)
     return figure, axes
 
 
@@ -132,8 +132,8 @@ def over_time(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     """Make panels as panels() does, of curves over time."""
     figure, axes = panels(rows, height)
     axes[-1].set_xlabel("t [s]")
-    for each in axes:
-        each.margins(x=0.01)
+    for panel in axes:
+        panel.margins(x=0.01)
     return figure, axes
 
 
@@ -173,8 +173,8 @@ def legend(
         looks |= {"labelspacing": 0.2, "handlelength": 1.2, "columnspacing": 1.0}
         figure: Any = axes.figure
         for columns in (4, 3, 2, 1):
-            drawn = axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, **looks)
-            box = drawn.get_window_extent()
+            entries = axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, **looks)
+            box = entries.get_window_extent()
             if box.width < _PANEL * figure.bbox.width:
                 break
         figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)  # panels keep theirs
@@ -185,17 +185,17 @@ def draw_line(
     **looks: Any,
 ) -> None:  # fmt: skip
     """Draw a series through its extremes; held: as steps, each value until the next."""
-    shown = kept(series.y)
+    peaks = kept(series.y)
     style = "steps-post" if held else "default"
     axes.plot(
-        series.t[shown], series.y[shown], color=colour, linewidth=width, drawstyle=style, **looks
+        series.t[peaks], series.y[peaks], color=colour, linewidth=width, drawstyle=style, **looks
     )
 
 
-def draw_envelope(axes: Axes, found: Envelope, colour: str, of: str) -> None:
+def draw_envelope(axes: Axes, spread: Envelope, colour: str, of: str) -> None:
     """Draw an envelope as two bands, the wider one pale, and its median as a line."""
-    t = found.edges.ravel()
-    least, low, middle, high, largest = np.repeat(found.values, 2, axis=1)
+    t = spread.edges.ravel()
+    least, low, middle, high, largest = np.repeat(spread.values, 2, axis=1)
     bands = (least, largest, 0.15, "least to largest"), (low, high, 0.3, "10 to 90 %")
     for below, above, alpha, text in bands:
         label = f"{of}: {text}"

@@ -38,7 +38,7 @@ def write_report(
 
     run: its folder, or its recording. Raises UnreadableRecordingError, OSError, ValueError.
     """
-    drawn: list[tuple[str, bytes]] = []
+    images: list[tuple[str, bytes]] = []
     with drawn_for(style):
         recording = read(run)
         figures = real_folder(recording.path.parent / "figures")
@@ -52,10 +52,10 @@ def write_report(
             image = image_of(figure.figure)
             with whole_file(figures / f"{figure.name}.png") as part:
                 part.write_bytes(image)
-            drawn.append((figure.caption, image))
+            images.append((figure.caption, image))
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report = recording.path.parent / REPORT
-    return write_page(report, recording, metrics, links, drawn, notes(history))
+    return write_page(report, recording, metrics, links, images, notes(history))
 
 
 def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
@@ -66,8 +66,8 @@ def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterato
         if higher := safety.psi(history):
             yield ReportFigure("psi", _PSI, higher)
         yield ReportFigure("paths", _paths_caption(recording), paths(history))
-        if apart := safety.distances(history):
-            yield ReportFigure("distances", _NEAREST if many else _DISTANCES, apart)
+        if figure := safety.distances(history):
+            yield ReportFigure("distances", _NEAREST if many else _DISTANCES, figure)
     if recording.states and recording.steps:
         yield from _step_figures(history)
         if needed := steps.disturbances(history):
@@ -95,10 +95,10 @@ def _step_figures(history: ReportHistory) -> Iterator[ReportFigure]:
     if summarises(history.scenario):
         yield ReportFigure("inputs", _ALL_INPUTS, steps.inputs_of_all(history))
         empty = {i: int(np.count_nonzero(made.empty)) for i, made in normal.items()}
-        shown = sorted((i for i in empty if empty[i]), key=lambda i: -empty[i])[:FEW]
+        agents = sorted((i for i in empty if empty[i]), key=lambda i: -empty[i])[:FEW]
     else:
-        shown = list(normal)
-    for i in shown:
+        agents = list(normal)
+    for i in agents:
         name = history.swarm.names[i]
         caption = (
             f"Inputs of agent {name}; nominal input in grey, bounds dotted. A cross marks a step "

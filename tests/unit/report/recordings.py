@@ -95,8 +95,8 @@ def record(
     folder: Path, scenario: Scenario, records: list[State | Step | Log], summary: Summary | None
 ) -> Path:
     with RecordingWriter(folder / RECORDING, scenario, "test-1") as writer:
-        for each in records:
-            writer.write(each)
+        for entry in records:
+            writer.write(entry)
         if summary:
             writer.finish(summary)
     return folder

@@ -61,8 +61,8 @@ def test_a_link_is_the_redder_the_more_broadcasts_it_lost(run: phalanx.Run):
     sent = history.broadcasts[(history.broadcasts.sent > 0.0) & (history.broadcasts.sent <= 0.2)]
     shares = {}
     for link in {tuple(sorted(pair)) for pair in zip(sent.sender, sent.receiver, strict=True)}:
-        own = [b for b in sent if tuple(sorted((b.sender, b.receiver))) == link]
-        shares[link] = np.mean([b.arrival == b.sent and b.fate == 2 for b in own])
+        broadcasts = [b for b in sent if tuple(sorted((b.sender, b.receiver))) == link]
+        shares[link] = np.mean([b.arrival == b.sent and b.fate == 2 for b in broadcasts])
     assert last == 1
     assert len(set(shares.values())) > 1
     reds = [colour[0] for colour in lines.get_color()]
@@ -87,7 +87,7 @@ def test_a_line_of_the_log_is_shown_as_it_is(tmp_path: Path):
 def test_the_verdict_comes_last(run: phalanx.Run):
     stage = staged(run, [0.0, 0.3, 0.6])
     texts = [[t.get_text() for t in stage.figure.axes[0].texts] for _ in stage.frames()]
-    assert ["violated" in shown for shown in texts] == [False, False, True]
+    assert ["violated" in frame for frame in texts] == [False, False, True]
 
 
 @pytest.mark.nightly
@@ -109,12 +109,12 @@ def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
 def test_it_takes_as_long_as_the_run_though_formats_round_each_frame(
     name: str, run: phalanx.Run, tmp_path: Path
 ):
-    picture, shown = Image.open(run.animate(tmp_path / name, per_second=15)), 0
+    picture, length = Image.open(run.animate(tmp_path / name, per_second=15)), 0
     for number in range(picture.n_frames - 1):
         picture.seek(number)
         picture.load()
-        shown += picture.info["duration"]
-    assert shown == 600
+        length += picture.info["duration"]
+    assert length == 600
 
 
 @pytest.mark.slow

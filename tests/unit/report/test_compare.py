@@ -17,17 +17,19 @@ from tests.unit.report.recordings import drift, record, summary_of, swarm_in_spa
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two runs whose loss differs, and nothing else; the first ended before a step."""
-    out, found = tmp_path_factory.mktemp("runs"), []
+    out, recorded = tmp_path_factory.mktemp("runs"), []
     for loss, steps in ((0.0, 0), (0.3, 40)):
         folder = out / f"loss-{loss}"
         folder.mkdir()
         scenario = swarm_in_space(2, 1, {"network": {"loss": loss}})
-        found.append(record(folder, scenario, drift(scenario, steps=steps), summary_of(scenario)))
-    return found
+        recorded.append(
+            record(folder, scenario, drift(scenario, steps=steps), summary_of(scenario))
+        )
+    return recorded
 
 
 def compared(folders: list[Path]) -> list[ComparedRun]:
-    return [compared_run(folder, drawn=False) for folder in folders]
+    return [compared_run(folder, draw=False) for folder in folders]
 
 
 def test_only_differences_of_the_scenarios_are_listed(folders: list[Path]) -> None:
@@ -54,8 +56,8 @@ def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path
     html = page.read_text()
     for name in ("h_tot of all", "h_tot", "paths", "distances", "losses"):
         section = html.split(f"<h2>{name}</h2>")[1].split("<h2>")[0]
-        drawn = 1 if name in ("h_tot of all", "losses") else 2
-        assert len(re.findall("<img", section)) == drawn
+        count = 1 if name in ("h_tot of all", "losses") else 2
+        assert len(re.findall("<img", section)) == count
     assert "loss-0.0: nothing to draw" in html.split("<h2>losses</h2>")[1]
 
 
@@ -64,9 +66,9 @@ def test_runs_lie_over_one_another_and_their_differences_below() -> None:
     longer = np.linspace(0.0, 2.0, 5)
     above, below = overlay({"a": Series(t, t - 2.0), "b": Series(longer, longer - 1.5)}).axes
     assert [line.get_label() for line in above.lines[:2]] == ["a: largest -1", "b: largest 0.5"]
-    (apart,) = below.lines[:1]
-    assert apart.get_label() == "b: at most 0.5"
-    assert apart.get_xydata().tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.5]]
+    (line,) = below.lines[:1]
+    assert line.get_label() == "b: at most 0.5"
+    assert line.get_xydata().tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.5]]
 
 
 def test_one_run_is_not_compared(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +90,7 @@ with RecordingWriter(Path(RECORDING), scenario, "r") as writer:
 @pytest.fixture(scope="module")
 def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two runs with other modules of the user's under the same name."""
-    out, found = tmp_path_factory.mktemp("versions"), []
+    out, recorded = tmp_path_factory.mktemp("versions"), []
     for gain in (1, 2):
         folder = out / f"gain-{gain}"
         folder.mkdir()
@@ -96,8 +98,8 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         module.write_text(f"from phalanx.extend import TrackVelocity as Mine  # {gain}")
         subprocess.run([sys.executable, "-c", RECORD], cwd=folder, check=True)
         module.unlink()
-        found.append(folder)
-    return found
+        recorded.append(folder)
+    return recorded
 
 
 @pytest.mark.nightly
@@ -106,8 +108,8 @@ def test_runs_with_modules_of_one_name_are_compared_each_in_a_process_of_its_own
     versions: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert status(["compare", "--trust", *map(str, versions)]) == 0
-    said = capsys.readouterr().out
-    (row,) = [line for line in said.splitlines() if line.startswith("law_of_two_versions.py")]
+    table = capsys.readouterr().out
+    (row,) = [line for line in table.splitlines() if line.startswith("law_of_two_versions.py")]
     _, one, two = row.split()
     assert one != two
     assert "law_of_two_versions" not in sys.modules

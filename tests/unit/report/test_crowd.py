@@ -49,12 +49,12 @@ def named(axes: Axes) -> list[str]:
 def test_nearest_and_closest_are_those_of_all_distances(history: ReportHistory) -> None:
     swarm = history.swarm
     pairs = [p for p in swarm.safe_set.pairs if p.b in set(swarm.normal)]
-    found = nearest(history, pairs, swarm.normal, 3)
+    closest = nearest(history, pairs, swarm.normal, 3)
     p = history.positions[:, list(swarm.normal)]
     between = np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) + 1e9 * np.eye(16)
-    np.testing.assert_allclose(found.distances, between.min(axis=2), rtol=1e-12)
+    np.testing.assert_allclose(closest.distances, between.min(axis=2), rtol=1e-12)
     least = np.sort(between[:, *np.triu_indices(16, 1)].min(axis=0))
-    assert [distance for _, distance in found.closest] == pytest.approx(least[:3])
+    assert [distance for _, distance in closest.closest] == pytest.approx(least[:3])
 
 
 def test_the_worst_pair_is_the_one_with_the_largest_h(history: ReportHistory) -> None:
@@ -83,8 +83,8 @@ def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")
-    drawn = [len(lines.get_segments()) for lines in above.collections]
-    assert drawn == [16, 3]
+    counts = [len(lines.get_segments()) for lines in above.collections]
+    assert counts == [16, 3]
 
 
 def test_inputs_show_how_many_steps_had_an_empty_set(history: ReportHistory) -> None:
@@ -103,9 +103,9 @@ def test_certified_times_count_the_inputs_below_tau(history: ReportHistory) -> N
     figure = steps.certified(history)
     assert figure is not None
     swarm = history.swarm
-    known = [(i, s.certified) for i in swarm.normal for s in history.steps[i]]
-    below = sum(t < swarm.horizon(i) for i, t in known if t is not None)
-    assert figure.axes[0].get_title(loc="right") == f"{below} of {len(known)} inputs below τ"
+    certified = [(i, s.certified) for i in swarm.normal for s in history.steps[i]]
+    below = sum(t < swarm.horizon(i) for i, t in certified if t is not None)
+    assert figure.axes[0].get_title(loc="right") == f"{below} of {len(certified)} inputs below τ"
 
 
 def test_the_receiver_of_the_oldest_inputs_is_named_first(history: ReportHistory) -> None:

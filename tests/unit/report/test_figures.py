@@ -43,8 +43,8 @@ def test_one_agent_within_limits_has_no_distances_to_draw() -> None:
     table["agents"] = table["agents"][:1]
     scenario = load(table)
     recording = Recording(Path(), scenario, {}, drift(scenario, states=2, steps=0), [])
-    drawn = [figure.name for figure in draw_figures(ReportHistory(recording), [])]
-    assert drawn == ["h_tot", "paths"]
+    names = [figure.name for figure in draw_figures(ReportHistory(recording), [])]
+    assert names == ["h_tot", "paths"]
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:
@@ -81,8 +81,10 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
     records = drift(scenario, states=2, steps=2)
     states = [r for r in records if isinstance(r, State)]
     inputs = [(0.5, -1.5, 1.0), (0.0, 0.2, -0.1)]
-    made = [msgspec.structs.replace(r, u=inputs[r.k]) for r in records if isinstance(r, Step)]
-    recording = Recording(Path(), scenario, {}, states, made)
+    step_records = [
+        msgspec.structs.replace(r, u=inputs[r.k]) for r in records if isinstance(r, Step)
+    ]
+    recording = Recording(Path(), scenario, {}, states, step_records)
     norm, *components = steps.inputs(ReportHistory(recording), 0).axes
     assert norm.get_ylabel() == "‖u‖∞ [m/s²]"
     assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
@@ -100,8 +102,8 @@ class InDiamond(SingleIntegrator):
 def test_where_the_inputs_lie_in_no_box_neither_norm_nor_shares_are_drawn() -> None:
     scenario = load("one-on-one", [f"agents.0.dynamics.type='{__name__}:InDiamond'"])
     records = drift(scenario, states=2, steps=2)
-    states, made = ([r for r in records if isinstance(r, kind)] for kind in (State, Step))
-    history = ReportHistory(Recording(Path(), scenario, {}, states, made))
+    states, step_records = ([r for r in records if isinstance(r, kind)] for kind in (State, Step))
+    history = ReportHistory(Recording(Path(), scenario, {}, states, step_records))
     panels = steps.inputs(history, 0).axes
     assert [axes.get_ylabel() for axes in panels] == ["vx [m/s]", "vy [m/s]"]
     shares, _ = steps.inputs_of_all(history).axes
@@ -130,12 +132,12 @@ def test_distances_of_one_pair_at_a_time_are_in_memory(recording: Recording) -> 
 def test_the_nominal_input_is_drawn_with_the_applied_one_and_does_not_stretch_the_panel(
     recording: Recording,
 ) -> None:
-    wanted = (9.0, -9.0)
-    made = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
-    far = dataclasses.replace(recording, steps=made)
-    for axes, nominal in zip(steps.inputs(ReportHistory(far), 0).axes, wanted, strict=True):
-        drawn = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
-        assert [set(np.round(line, 12)) for line in drawn] == [{nominal}, {0.1}]
+    u_nom = (9.0, -9.0)
+    changed = [msgspec.structs.replace(step, u_nom=u_nom) for step in recording.steps]
+    far = dataclasses.replace(recording, steps=changed)
+    for axes, nominal in zip(steps.inputs(ReportHistory(far), 0).axes, u_nom, strict=True):
+        curves = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
+        assert [set(np.round(line, 12)) for line in curves] == [{nominal}, {0.1}]
         assert max(map(abs, axes.get_ylim())) < 9.0
 
 

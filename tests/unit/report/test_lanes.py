@@ -43,12 +43,12 @@ def lines(axes: Axes) -> dict[str, int]:
 
 
 def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recording) -> None:
-    found = list(broadcasts(lossy))
+    sent = list(broadcasts(lossy))
     fates = [fate for step in lossy.steps for fate in step.fates]
-    assert len(found) > 0.9 * len(fates)  # the silent agent's own were never sent
-    assert sum(b.fate == LOST for b in found) == pytest.approx(0.3 * len(found), rel=0.3)
+    assert len(sent) > 0.9 * len(fates)  # the silent agent's own were never sent
+    assert sum(b.fate == LOST for b in sent) == pytest.approx(0.3 * len(sent), rel=0.3)
     steps = {i: [s.t for s in lossy.steps if s.agent == str(i + 1)] for i in range(5)}
-    for b in found:
+    for b in sent:
         between = [t for t in steps[b.receiver] if b.sent < t < b.arrival]
         assert (b.fate == LATE) == (b.fate != LOST and len(between) > 0)
 
@@ -56,12 +56,12 @@ def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recor
 def test_a_broadcast_is_sent_when_its_input_takes_effect() -> None:
     changes = {"duration": 0.2, "time.latency": 0.005, "network.delay": 0.004}
     recording = phalanx.run(phalanx.load("unicycles", changes), engine="in-process").recording
-    made = {i: [s.t for s in recording.steps if s.agent == str(i + 1)] for i in range(5)}
-    found = list(broadcasts(recording))
-    assert {b.fate for b in found} == {IN_TIME, LATE}
-    for b in found:
-        assert any(t + 0.005 == b.sent for t in made[b.sender])
-        assert (b.fate == LATE) == any(b.sent < t < b.arrival for t in made[b.receiver])
+    step_times = {i: [s.t for s in recording.steps if s.agent == str(i + 1)] for i in range(5)}
+    sent = list(broadcasts(recording))
+    assert {b.fate for b in sent} == {IN_TIME, LATE}
+    for b in sent:
+        assert any(t + 0.005 == b.sent for t in step_times[b.sender])
+        assert (b.fate == LATE) == any(b.sent < t < b.arrival for t in step_times[b.receiver])
 
 
 def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording) -> None:
@@ -85,8 +85,8 @@ def test_an_agent_that_makes_no_step_for_longer_than_its_tau_is_silent(lossy: Re
     silent = np.all(np.isclose(pixels, to_rgb("#475569")), axis=2)
     silent[:, silent.shape[1] // 2 :] = False  # no agent made a step in the last third
     assert list(np.flatnonzero(silent.any(axis=1))) == [4 * 1 + 2]
-    shown = np.flatnonzero(silent[6]) / silent.shape[1] * image.get_extent()[1]
-    assert SILENT_FROM < shown.min() < shown.max() < SILENT_UNTIL
+    times = np.flatnonzero(silent[6]) / silent.shape[1] * image.get_extent()[1]
+    assert SILENT_FROM < times.min() < times.max() < SILENT_UNTIL
 
 
 @pytest.mark.slow

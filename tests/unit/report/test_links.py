@@ -19,17 +19,17 @@ def test_every_control_step_has_a_dot() -> None:
 
 
 def test_link_statistics_are_those_of_the_links(recording: Recording, faulty: Scenario) -> None:
-    found = link_statistics(recording)
-    assert {(s.sender, s.receiver) for s in found} == {
+    statistics = link_statistics(recording)
+    assert {(s.sender, s.receiver) for s in statistics} == {
         (a, b) for a in "123" for b in "123" if a != b
     }
-    for link in found:
+    for link in statistics:
         truth = [fate(faulty, link.sender, link.receiver, k) for k in range(40)]
-        kept = [delay for delay in truth if delay is not None]
+        delays = [delay for delay in truth if delay is not None]
         assert (link.sent, link.decided) == (40, 40)
-        assert link.lost == 40 - len(kept) > 0
+        assert link.lost == 40 - len(delays) > 0
         assert link.loss == link.lost / 40
-        assert link.delays == kept
+        assert link.delays == delays
         assert link.model.loss == 0.3
 
 

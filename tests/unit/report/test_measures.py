@@ -16,11 +16,11 @@ def test_distances_are_those_of_the_output_points(recording: Recording) -> None:
         between = np.array(h(recording.x[state]))[:, 0]
         for pair, expected in zip(composed.pairs, between, strict=True):
             radius = 1.0 if pair.b < len(composed.members) else 1.25
-            found = radius**2 - history.distance(pair)[state] ** 2
-            assert found == pytest.approx(expected, rel=1e-9)
+            from_distance = radius**2 - history.distance(pair)[state] ** 2
+            assert from_distance == pytest.approx(expected, rel=1e-9)
 
 
 def test_steps_are_sorted_by_agent(recording: Recording) -> None:
-    found = steps_by_agent(recording)
-    assert list(found) == ["1", "2", "3", "4", "5"]
-    assert [s.k for s in found["3"]] == list(range(40))
+    steps = steps_by_agent(recording)
+    assert list(steps) == ["1", "2", "3", "4", "5"]
+    assert [s.k for s in steps["3"]] == list(range(40))

@@ -85,11 +85,11 @@ def test_the_largest_numbers_that_agents_may_report_are_drawn(tmp_path: Path) ->
     scenario = unicycles()
     records = [
         msgspec.structs.replace(
-            each, residual=LARGEST_SUM, margin=-LARGEST_SUM, solve_time=LARGEST_SUM,
-            u_nom=(LARGEST_SUM,) * len(each.u), ages=[(name, LARGEST_SUM) for name, _ in each.ages],
+            r, residual=LARGEST_SUM, margin=-LARGEST_SUM, solve_time=LARGEST_SUM,
+            u_nom=(LARGEST_SUM,) * len(r.u), ages=[(name, LARGEST_SUM) for name, _ in r.ages],
         )
-        if isinstance(each, Step) and each.k % 3 == 0 else each
-        for each in drift(scenario)
+        if isinstance(r, Step) and r.k % 3 == 0 else r
+        for r in drift(scenario)
     ]  # fmt: skip
     folder = record(tmp_path, scenario, records, summary_of(scenario))
     assert "<strong>violated</strong>" in write_report(folder).read_text()

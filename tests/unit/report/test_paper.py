@@ -51,9 +51,9 @@ def faults(figure: Figure) -> Iterator[str]:
     words = {}
     for axes in figure.axes:
         titles = [axes.get_title(loc=loc) for loc in ("left", "center", "right")]
-        shown = [axes.title, axes._left_title, axes._right_title]
+        headings = [axes.title, axes._left_title, axes._right_title]
         labels = [axes.xaxis.label, axes.yaxis.label]
-        words |= {t.get_text(): t for t in (*shown, *labels) if t.get_text()}
+        words |= {t.get_text(): t for t in (*headings, *labels) if t.get_text()}
         assert not any(titles) or words
         if legend := axes.get_legend():
             words[f"legend of {axes.get_ylabel()!r} {id(axes)}"] = legend
@@ -79,12 +79,12 @@ def test_figures_of_a_report_for_a_paper(run: Path):
     recording = read(run)
     with drawn_for("paper"):
         history = ReportHistory(recording)
-        drawn = {
+        figures = {
             f.name: laid_out(f.figure) for f in draw_figures(history, link_statistics(recording))
         }
-    assert len(drawn) > 10
-    assert {name: found for name, each in drawn.items() if (found := list(faults(each)))} == {}
-    for name, figure in drawn.items():
+    assert len(figures) > 10
+    assert {name: found for name, each in figures.items() if (found := list(faults(each)))} == {}
+    for name, figure in figures.items():
         heights = [axes.get_window_extent().height / figure.dpi for axes in figure.axes]
         assert min(heights) > 0.4, name
 

@@ -31,8 +31,8 @@ def test_all_panels_are_drawn_on_a_figure_that_pyplot_shows(run: phalanx.Run):
     assert {each.figure for each in axes.values()} == {plt.gcf()}
     assert all(each.lines for each in axes.values())
     assert axes["h"].get_title(loc="right") == "worst h 0.25 at 0.300 s"
-    drawn = axes["h"].lines[0].get_xydata().tolist()
-    assert drawn == run.states.select("t", "h_tot").to_numpy().tolist()
+    points = axes["h"].lines[0].get_xydata().tolist()
+    assert points == run.states.select("t", "h_tot").to_numpy().tolist()
 
 
 @pytest.mark.slow
@@ -49,8 +49,8 @@ def test_two_runs_on_the_same_axes(run: phalanx.Run):
 @pytest.mark.slow
 def test_a_swarm_in_space_is_seen_from_above(tmp_path: Path):
     scenario = swarm_in_space(13, 1, {})
-    made = record(tmp_path, scenario, drift(scenario, steps=3), summary_of(scenario))
-    axes = phalanx.open(made).plot()
+    folder = record(tmp_path, scenario, drift(scenario, steps=3), summary_of(scenario))
+    axes = phalanx.open(folder).plot()
     assert axes["paths"].get_ylabel() == "y [m]"
     assert [line.get_label() for line in axes["h"].lines][:2] == [
         "$h_{tot}$",
