@@ -25,14 +25,14 @@ def test_every_point_is_a_valid_scenario_within_its_bounds(data):
     space = space_of(guaranteed(starts={"4": BOX}, vary=gain, scripts={"5": 3}, faults=budget))
     numbers = data.draw(st.tuples(*[UNIT] * space.numbers))
     choices = data.draw(st.tuples(*[st.integers(0, n - 1) for n in space.choices]))
-    found = load(space.table, space.overrides(Point(numbers, choices)))
-    by_name = {name: group for group in found.agents for name in group.names}
+    scenario = load(space.table, space.overrides(Point(numbers, choices)))
+    by_name = {name: group for group in scenario.agents for name in group.names}
     (start,) = by_name["4"].start
     assert all(low <= value <= high for value, (low, high) in zip(start, BOX, strict=True))
     assert 1.0 <= by_name["4"].law["gain"] <= 25.0
     assert len(by_name["5"].law["inputs"]) == 3
-    assert len(found.faults) == sum(kind > 0 for kind in choices[::2])
-    assert all(fault.at < found.duration for fault in found.faults)
+    assert len(scenario.faults) == sum(kind > 0 for kind in choices[::2])
+    assert all(fault.at < scenario.duration for fault in scenario.faults)
     assert by_name["1"].names == ("1", "2", "3")
 
 
@@ -43,8 +43,8 @@ def test_a_scripted_input_at_a_face_of_u_is_in_u(speed, number):
     for group in table["agents"]:
         group["dynamics"] = {**group["dynamics"], "speed": speed}
     space = space_of(table)
-    found = load(space.table, space.overrides(Point((number,) * space.numbers, ())))
-    assert found.agents[-1].law["inputs"]
+    scenario = load(space.table, space.overrides(Point((number,) * space.numbers, ())))
+    assert scenario.agents[-1].law["inputs"]
 
 
 def test_agents_that_get_a_group_of_their_own_keep_slot_and_run():

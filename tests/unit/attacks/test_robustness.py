@@ -32,13 +32,13 @@ def one_on_one(start: list[float], **fields: object) -> phalanx.Scenario:
 
 def test_an_evaluation_has_the_verdict_and_the_hash_of_its_run():
     scenario = one_on_one([0.0, -1.1])
-    run, found = phalanx.run(scenario, engine="in-process"), evaluate(scenario)
-    assert found.summary.trajectory == run.summary.trajectory
+    run, evaluation = phalanx.run(scenario, engine="in-process"), evaluate(scenario)
+    assert evaluation.summary.trajectory == run.summary.trajectory
     assert run.verdict == "violated"
-    assert found.least < 0.0
+    assert evaluation.least < 0.0
     (violation,) = run.summary.violations
     (scale,) = scales_of(build_swarm(scenario)).values()
-    assert found.least == pytest.approx(-violation.worst / scale)
+    assert evaluation.least == pytest.approx(-violation.worst / scale)
 
 
 def test_a_violation_between_two_recorded_states_makes_it_negative():
@@ -55,11 +55,11 @@ def test_a_violation_between_two_recorded_states_makes_it_negative():
 def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
     scales = scales_of(build_swarm(one_on_one([0.0, -4.0])))
     starts = ([0.0, -9.0], [0.0, -4.0], [0.0, -2.5], [0.0, -1.1])
-    found = [evaluate(one_on_one(start), scales) for start in starts]
-    values = [each.least for each in found]
+    evaluations = [evaluate(one_on_one(start), scales) for start in starts]
+    values = [each.least for each in evaluations]
     assert values == sorted(values, reverse=True)
     assert values[0] > 1.0 > 0.0 > values[-1]
-    assert all(each.pairs == {"1-2": each.least} for each in found)
+    assert all(each.pairs == {"1-2": each.least} for each in evaluations)
 
 
 def test_a_pair_that_is_under_a_certificate_throughout_has_what_is_left_of_it():

@@ -59,16 +59,16 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     optimiser, scenario, tmp_path
 ):
     options = {"budget": 15, "optimiser": optimiser, "baseline": False, "fresh": 0}
-    found = searched(scenario, tmp_path / "out", **options)
-    (history,) = found.histories
+    attacked = searched(scenario, tmp_path / "out", **options)
+    (history,) = attacked.histories
     assert history.violated
     assert len(history.finds) == 15
-    for _, find, path in found.finds:
+    for _, find, path in attacked.finds:
         run = phalanx.run(phalanx.load(path), engine="in-process")
         assert run.summary.trajectory == find.row.trajectory
         assert run.verdict == "violated"
         assert find.robustness < 0.0
-    assert "Search" in found.page.read_text()
+    assert "Search" in attacked.page.read_text()
 
 
 @pytest.mark.filterwarnings("error")
@@ -143,11 +143,11 @@ def test_a_signal_while_the_page_is_written_leaves_it_whole(
 def test_a_search_makes_no_more_runs_than_its_budget(scenario, tmp_path):
     counts: list[int] = []
     options = Options(budget=2, batch=5, fresh=1, optimiser="random")
-    found = attack(
+    attacked = attack(
         scenario, {}, options, folder=tmp_path, executor=(executor := Direct()),
         progress=lambda history: counts.append(history.begun),
     )  # fmt: skip
-    (history,) = found.histories
+    (history,) = attacked.histories
     assert len(history.finds) == 2
     assert executor.done == 2 + history.refused + history.fresh
     assert history.fresh == 1
@@ -178,8 +178,8 @@ def test_a_search_that_ends_before_it_is_where_it_was_keeps_its_files(
 def test_a_larger_budget_goes_on_and_other_options_are_refused(scenario, tmp_path):
     searched(scenario, tmp_path / "out", budget=8, fresh=0, baseline=False)
     more = Direct()
-    found = searched(scenario, tmp_path / "out", more, budget=16, fresh=0, baseline=False)
-    points = len(found.histories[0].finds) + found.histories[0].refused
+    attacked = searched(scenario, tmp_path / "out", more, budget=16, fresh=0, baseline=False)
+    points = len(attacked.histories[0].finds) + attacked.histories[0].refused
     assert 0 < more.done < points
     with pytest.raises(StudyError, match="take another folder"):
         searched(scenario, tmp_path / "out", budget=16, seed=1)
@@ -191,11 +191,11 @@ def test_an_inadmissible_start_costs_without_a_run(tmp_path):
     path = tmp_path / "close.toml"
     path.write_text(scenario_text(table))
     options = {"budget": 2, "optimiser": "random", "batch": 5}
-    found = searched(str(path), tmp_path / "out", **options)
-    (history,) = found.histories
+    attacked = searched(str(path), tmp_path / "out", **options)
+    (history,) = attacked.histories
     assert history.finds == []
     assert history.refused == 20
-    assert found.finds == []
+    assert attacked.finds == []
 
 
 @pytest.mark.nightly
@@ -203,8 +203,8 @@ def test_an_inadmissible_start_costs_without_a_run(tmp_path):
 def test_the_best_is_tried_again_on_fresh_seeds_which_alone_may_enter_an_interval(
     scenario, tmp_path
 ):
-    found = searched(scenario, tmp_path / "out", budget=12, fresh=3, baseline=False)
-    tried = [find for _, find, _ in found.finds if find.fresh]
+    attacked = searched(scenario, tmp_path / "out", budget=12, fresh=3, baseline=False)
+    tried = [find for _, find, _ in attacked.finds if find.fresh]
     assert tried
     for find in tried:
         assert [row.identity.seed for row in find.fresh] == [1, 2, 3]

@@ -17,10 +17,10 @@ def test_no_single_item_of_the_result_can_be_left_out(needed, size):
     def fails(items: list[int]) -> bool:
         return any(each <= set(items) for each in needed)
 
-    found = ddmin(range(size), fails)
-    assert fails(found)
-    assert not any(fails([*found[:k], *found[k + 1 :]]) for k in range(len(found)))
-    assert found == sorted(found)
+    subset = ddmin(range(size), fails)
+    assert fails(subset)
+    assert not any(fails([*subset[:k], *subset[k + 1 :]]) for k in range(len(subset)))
+    assert subset == sorted(subset)
 
 
 @given(odd=st.integers(0, 40))
@@ -31,9 +31,9 @@ def test_nor_with_a_predicate_that_is_not_monotone(odd):
         return len(items) % 2 == 1 or len(items) > odd
 
     items = list(range(2 * odd + 1))
-    found = ddmin(items, fails)
-    assert fails(found)
-    assert not any(fails([*found[:k], *found[k + 1 :]]) for k in range(len(found)))
+    subset = ddmin(items, fails)
+    assert fails(subset)
+    assert not any(fails([*subset[:k], *subset[k + 1 :]]) for k in range(len(subset)))
 
 
 def test_few_questions_are_asked_if_one_item_of_many_is_needed():

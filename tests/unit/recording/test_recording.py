@@ -66,10 +66,10 @@ COUNT = 900
 def records(count: int = COUNT) -> list[State | Step | Log]:
     """States and steps as a run might leave them, and one line of the log."""
     rng = np.random.default_rng(1)
-    found: list[State | Step | Log] = []
+    lines: list[State | Step | Log] = []
     for k in range(count):
         t = 0.002 * k + float(rng.uniform(0, 1e-3))
-        found.append(State(t, rng.normal(size=15).tolist(), *rng.normal(size=2).tolist()))
+        lines.append(State(t, rng.normal(size=15).tolist(), *rng.normal(size=2).tolist()))
         u = tuple(rng.normal(size=2).tolist())
         fates = [("2", k, -1.0), ("3", k, float(rng.uniform()))]
         ages = [("2", float(rng.uniform()))]
@@ -77,9 +77,9 @@ def records(count: int = COUNT) -> list[State | Step | Log]:
             agent="1", k=k, t=t, t_apply=t, u=u, origin=Origin.QP, residual=-1e-9, solve_time=1e-4,
             ages=ages, fates=fates,
         )  # fmt: skip
-        found.append(step)
-    found.append(Log(0.002 * count, "agent 3 said ψ"))
-    return found
+        lines.append(step)
+    lines.append(Log(0.002 * count, "agent 3 said ψ"))
+    return lines
 
 
 def write(path: Path, finish: bool = True) -> Path:
@@ -106,12 +106,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
 
 def spans(recording: bytes) -> list[tuple[int, int, int]]:
     """(opcode, begin, end) of every record in the file."""
-    at, found = 8, []
+    at, extents = 8, []
     while at < len(recording) - 8:
         end = at + 9 + int.from_bytes(recording[at + 1 : at + 9], "little")
-        found.append((recording[at], at, end))
+        extents.append((recording[at], at, end))
         at = end
-    return found
+    return extents
 
 
 CHUNK, DATA_END = 0x06, 0x0F
@@ -137,20 +137,20 @@ def assert_is_a_beginning(found: Recording) -> None:
 
 def test_what_was_written_is_read_bit_for_bit(whole, tmp_path):
     assert len(chunks(whole)) >= 4
-    found = reread(tmp_path, whole)
-    assert found.damage is None
-    assert found.scenario == scenario()
-    assert found.metadata["seed"] == "5"
-    assert found.metadata["run"] == "run-1"
-    assert found.metadata["scenario_digest"] == digest(scenario())
-    assert found.summary == FIGURES
-    assert found.log == [r for r in records() if isinstance(r, Log)]
-    assert (len(found.states), len(found.steps)) == (COUNT, COUNT)
-    assert_is_a_beginning(found)
+    recording = reread(tmp_path, whole)
+    assert recording.damage is None
+    assert recording.scenario == scenario()
+    assert recording.metadata["seed"] == "5"
+    assert recording.metadata["run"] == "run-1"
+    assert recording.metadata["scenario_digest"] == digest(scenario())
+    assert recording.summary == FIGURES
+    assert recording.log == [r for r in records() if isinstance(r, Log)]
+    assert (len(recording.states), len(recording.steps)) == (COUNT, COUNT)
+    assert_is_a_beginning(recording)
     written = np.array([r.x for r in records() if isinstance(r, State)])
-    assert found.x.tobytes() == written.tobytes()
-    assert found.x.shape == (COUNT, 15)
-    assert len(found.times) == len(found.h_tot) == COUNT
+    assert recording.x.tobytes() == written.tobytes()
+    assert recording.x.shape == (COUNT, 15)
+    assert len(recording.times) == len(recording.h_tot) == COUNT
 
 
 def test_a_run_folder_is_read_as_its_recording(tmp_path):
@@ -181,14 +181,14 @@ def test_a_file_cut_anywhere_gives_all_of_its_whole_chunks_and_says_so(whole, tm
     if cut < first_chunk:
         assert_damaged(tmp_path, whole[:cut])
         return
-    found = reread(tmp_path, whole[:cut])
-    assert found.damage is not None
-    assert "cut short" in found.damage
-    assert_is_a_beginning(found)
-    kept = len(found.states) + len(found.steps) + len(found.log)
-    assert kept == messages_before(whole, cut)
-    if found.states:
-        assert f"t = {found.states[-1].t:.3f} s" in found.damage
+    recording = reread(tmp_path, whole[:cut])
+    assert recording.damage is not None
+    assert "cut short" in recording.damage
+    assert_is_a_beginning(recording)
+    count = len(recording.states) + len(recording.steps) + len(recording.log)
+    assert count == messages_before(whole, cut)
+    if recording.states:
+        assert f"t = {recording.states[-1].t:.3f} s" in recording.damage
 
 
 def messages_before(whole: bytes, cut: int) -> int:
@@ -225,12 +225,12 @@ def test_a_flipped_bit_inside_a_chunk_is_damage_and_nothing_it_altered_is_taken(
     """A few bits mean nothing to zstd: then the file's checksum alone tells of the damage."""
     begin, end = chunks(whole)[chunk]
     at = begin + CHUNK_HEAD + int(share * (end - begin - CHUNK_HEAD))
-    found = reread(tmp_path, flipped(whole, at, bit))
-    assert found.damage is not None
-    assert_is_a_beginning(found)
-    kept = len(found.states) + len(found.steps) + len(found.log)
+    recording = reread(tmp_path, flipped(whole, at, bit))
+    assert recording.damage is not None
+    assert_is_a_beginning(recording)
+    count = len(recording.states) + len(recording.steps) + len(recording.log)
     before = messages_before(whole, begin)
-    assert kept == (len(records()) if still_decodes(whole, at, bit, chunk) else before)
+    assert count == (len(records()) if still_decodes(whole, at, bit, chunk) else before)
 
 
 @pytest.mark.parametrize("byte", range(8))
@@ -238,9 +238,9 @@ def test_a_chunk_that_says_it_is_longer_than_the_file_is_damage_and_takes_no_mem
     whole, tmp_path, byte
 ):
     begin, _ = chunks(whole)[1]
-    found = reread(tmp_path, flipped(whole, begin + CHUNK_LENGTH + byte, 7))
-    assert found.damage is not None
-    assert_is_a_beginning(found)
+    recording = reread(tmp_path, flipped(whole, begin + CHUNK_LENGTH + byte, 7))
+    assert recording.damage is not None
+    assert_is_a_beginning(recording)
 
 
 def still_decodes(whole: bytes, at: int, bit: int, chunk: int) -> bool:
@@ -291,9 +291,9 @@ def test_a_verdict_counts_only_at_the_end_of_a_whole_recording(whole, tmp_path):
     last, _ = chunks(whole)[-1]
     assert b"summary.json" in whole[:last]
     for cut in (last, last + 100, len(whole) - 1):
-        found = reread(tmp_path, whole[:cut])
-        assert found.summary is None
-        assert found.unfinished == found.damage
+        recording = reread(tmp_path, whole[:cut])
+        assert recording.summary is None
+        assert recording.unfinished == recording.damage
     assert reread(tmp_path, whole).unfinished == ""
 
 
@@ -345,15 +345,15 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_it_readable(whol
     with pytest.raises(RecordingError, match=re.escape(str(path))), full_disk(limit):
         write(path)
     assert path.stat().st_size <= limit
-    found = read(path)
-    assert found.scenario == scenario()
-    assert found.damage is not None
-    assert "cut short" in found.damage
-    assert_is_a_beginning(found)
+    recording = read(path)
+    assert recording.scenario == scenario()
+    assert recording.damage is not None
+    assert "cut short" in recording.damage
+    assert_is_a_beginning(recording)
     assert spans(path.read_bytes() + bytes(8))[-1][2] == path.stat().st_size, "half a record"
     whole_chunks = [end for _, end in chunks(whole) if end <= limit]
     assert path.stat().st_size >= whole_chunks[-1]
-    assert len(found.states) > 0
+    assert len(recording.states) > 0
 
 
 def test_behind_a_write_that_failed_nothing_is_written(whole, tmp_path):
@@ -363,10 +363,10 @@ def test_behind_a_write_that_failed_nothing_is_written(whole, tmp_path):
         with contextlib.suppress(RecordingError), full_disk(int(0.5 * len(whole))):
             for record in records():
                 writer.write(record)
-        kept = path.read_bytes()
+        beginning = path.read_bytes()
         with pytest.raises(RecordingError, match=re.escape(str(path))):
             writer.finish(FIGURES)
-    assert path.read_bytes() == kept
+    assert path.read_bytes() == beginning
     assert "cut short" in (read(path).damage or "")
 
 
@@ -377,10 +377,10 @@ def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> b
     for size in [2**20] * (chunks_of // 2**20 - 1) + [2**20 - 9]:
         packed += packer.compress(bytes(size))
     packed += packer.flush()
-    said = chunks_of if honest else 1000
+    claimed_size = chunks_of if honest else 1000
     chunk = b"".join(
         [
-            struct.pack("<QQQI", 0, 0, said, 0),
+            struct.pack("<QQQI", 0, 0, claimed_size, 0),
             struct.pack("<I", 4) + b"zstd",
             struct.pack("<Q", len(packed)) + packed,
         ]
@@ -396,10 +396,10 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_damage_and_takes_no_memory(whole, 
     assert len(content) < 2 * len(whole)
     Path("/proc/self/clear_refs").write_text("5")  # from here on the peak is this test's own
     before = most_memory()
-    found = reread(tmp_path, content)
+    recording = reread(tmp_path, content)
     assert most_memory() - before < 100_000, "kilobytes"
-    assert found.damage is not None
-    assert (len(found.states), len(found.steps)) == (COUNT, COUNT)
+    assert recording.damage is not None
+    assert (len(recording.states), len(recording.steps)) == (COUNT, COUNT)
 
 
 def most_memory() -> int:
@@ -446,10 +446,10 @@ def test_a_number_of_which_figures_would_be_infinite_is_damage(tmp_path: Path, n
         writer.write(GOOD)
         writer.write(msgspec.structs.replace(GOOD, k=1, residual=number))
         writer.finish(FIGURES)
-    found = read(tmp_path)
-    assert found.steps == [GOOD]
-    assert "a number above 1e+303" in (found.damage or "")
-    assert found.summary is None
+    recording = read(tmp_path)
+    assert recording.steps == [GOOD]
+    assert "a number above 1e+303" in (recording.damage or "")
+    assert recording.summary is None
 
 
 @pytest.mark.parametrize(
@@ -460,9 +460,9 @@ def test_a_sequence_number_that_no_table_holds_is_damage(tmp_path: Path, changes
         writer.write(GOOD)
         writer.write(msgspec.structs.replace(GOOD, **changes))
         writer.finish(FIGURES)
-    found = read(tmp_path)
-    assert found.steps == [GOOD]
-    assert "Expected `int`" in (found.damage or "")
+    recording = read(tmp_path)
+    assert recording.steps == [GOOD]
+    assert "Expected `int`" in (recording.damage or "")
 
 
 def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
@@ -470,10 +470,10 @@ def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
         writer.write(GOOD)
         writer.write(msgspec.structs.replace(GOOD, k=1, origin="divine"))
         writer.finish(FIGURES)
-    found = read(tmp_path)
-    assert found.steps == [GOOD]
-    assert "divine" in (found.damage or "")
-    assert found.summary is None
+    recording = read(tmp_path)
+    assert recording.steps == [GOOD]
+    assert "divine" in (recording.damage or "")
+    assert recording.summary is None
 
 
 @pytest.mark.parametrize("kind", [State, Step])
@@ -484,11 +484,11 @@ def test_what_comes_after_a_later_time_is_damage(tmp_path: Path, kind: type):
     with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
         writer.write(*before, of_another, msgspec.structs.replace(first, t=0.2), of_another)
         writer.finish(FIGURES)
-    found = read(tmp_path)
-    assert (found.states or found.steps)[:3] == before
-    assert len(found.states) + len(found.steps) == 4
-    assert "a record of t = 0.2 s after one of 0.3 s" in (found.damage or "")
-    assert found.summary is None
+    recording = read(tmp_path)
+    assert (recording.states or recording.steps)[:3] == before
+    assert len(recording.states) + len(recording.steps) == 4
+    assert "a record of t = 0.2 s after one of 0.3 s" in (recording.damage or "")
+    assert recording.summary is None
 
 
 def test_the_oldest_input_of_a_step_is_that_of_its_ages_also_where_it_is_not_recorded():
@@ -504,8 +504,8 @@ def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Pat
         writer.write(large)
         writer.write(Log(0.1, "agent e303 is lost"))
         writer.finish(FIGURES)
-    found = read(tmp_path)
-    assert (found.steps, found.damage) == ([large], None)
+    recording = read(tmp_path)
+    assert (recording.steps, recording.damage) == ([large], None)
 
 
 @pytest.mark.slow

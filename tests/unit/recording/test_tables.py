@@ -43,10 +43,10 @@ def test_the_page_names_every_column_in_order(run: phalanx.Run) -> None:
     documented = {name: re.findall(r"`([^`]+)`", cells) for name, cells in ROW.findall(PAGE)}
     columns = {name: getattr(run, name).columns for name in (*TABLES, "metrics", "profile")}
     assert documented.keys() == columns.keys()
-    for name, found in columns.items():
+    for name, headings in columns.items():
         leading = [] if name == "profile" else EVERY
-        assert found[: len(leading)] == leading
-        assert documented[name] == list(dict.fromkeys(map(in_general, found[len(leading) :])))
+        assert headings[: len(leading)] == leading
+        assert documented[name] == list(dict.fromkeys(map(in_general, headings[len(leading) :])))
 
 
 @pytest.mark.slow
@@ -55,8 +55,8 @@ def test_tables_of_runs_can_be_put_together_and_told_apart(name: str, tmp_path: 
     tables = []
     for seed in (3, 4):
         (folder := tmp_path / str(seed)).mkdir()
-        found = recorded(folder, unicycles().model_copy(update={"seed": seed}))
-        tables.append(getattr(found, name))
+        run = recorded(folder, unicycles().model_copy(update={"seed": seed}))
+        tables.append(getattr(run, name))
     both = pl.concat(tables)
     assert len(both) == sum(map(len, tables))
     assert set(both.select("scenario", "seed").rows()) == {("unicycles", 3), ("unicycles", 4)}
@@ -74,9 +74,9 @@ def test_a_run_that_ended_before_a_state_has_tables_without_a_row(tmp_path: Path
 def test_h_by_kinds_of_pairs_is_that_of_the_composed_set(name: str, tmp_path: Path) -> None:
     scenario = phalanx.load(name, ["duration=0.2"])
     records = drift(scenario, states=40, steps=0)
-    found = read(record(tmp_path, scenario, records, summary_of(scenario)))
+    recording = read(record(tmp_path, scenario, records, summary_of(scenario)))
     swarm = build_swarm(scenario)
     composed = swarm.safe_set
     h = CompiledFunction([composed.x], [composed.h])
-    table = h_table(found, swarm).drop("run", "scenario", "seed", "t")
-    assert np.array_equal(table.to_numpy(), [h(x)[0] for x in found.x])
+    table = h_table(recording, swarm).drop("run", "scenario", "seed", "t")
+    assert np.array_equal(table.to_numpy(), [h(x)[0] for x in recording.x])

@@ -211,10 +211,10 @@ def test_it_is_said_which_input_changed(store, changed, reason):
 def test_a_library_that_changed_is_named_with_both_versions(store, tmp_path):
     identity, *_ = identity_of(STUDY, STUDY.case(0))
     stored(store, identity._replace(versions="before"))
-    known = (tmp_path / "versions.json").read_text().replace('"numpy": "', '"numpy": "0.')
-    known = known.replace(identity.versions, "before")
+    earlier = (tmp_path / "versions.json").read_text().replace('"numpy": "', '"numpy": "0.')
+    earlier = earlier.replace(identity.versions, "before")
     now = (tmp_path / "versions.json").read_text()
-    (tmp_path / "versions.json").write_text(known[:-1].rstrip().rstrip("}") + "}," + now[1:])
+    (tmp_path / "versions.json").write_text(earlier[:-1].rstrip().rstrip("}") + "}," + now[1:])
     (reason, _), *_ = missing_by_reason(STUDY, store).items()
     assert reason.startswith("changed: numpy 0.")
 

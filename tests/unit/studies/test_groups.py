@@ -26,9 +26,9 @@ from tests.unit.studies.frames import frame
     ],
 )
 def test_values_are_named_numbers_in_ascending_order_and_texts_as_they_come(values, names):
-    found, of_row = labels(pl.Series("axis", values))
-    assert found == names
-    assert [found[i] for i in of_row] == [
+    group_names, of_row = labels(pl.Series("axis", values))
+    assert group_names == names
+    assert [group_names[i] for i in of_row] == [
         "not set" if v is None else str(v).lower() if isinstance(v, bool | str) else f"{v:g}"
         for v in values
     ]
@@ -36,15 +36,15 @@ def test_values_are_named_numbers_in_ascending_order_and_texts_as_they_come(valu
 
 @given(st.lists(st.floats(-1e3, 1e3) | st.none(), min_size=60, max_size=200))
 def test_many_numbers_are_in_ranges_that_hold_them(values):
-    found, of_row = labels(pl.Series("axis", values, dtype=pl.Float64))
+    names, of_row = labels(pl.Series("axis", values, dtype=pl.Float64))
     if len(set(values)) <= MOST_GROUPS:
         return
-    assert len(found) <= MOST_GROUPS
+    assert len(names) <= MOST_GROUPS
     for value, i in zip(values, of_row, strict=True):
         if value is None:
-            assert found[i] == "not set"
+            assert names[i] == "not set"
         else:
-            low, high = map(float, found[i].split(" to "))
+            low, high = map(float, names[i].split(" to "))
             room = 0.01 * max(abs(low), abs(high)) + 1e-9
             assert low - room <= value <= high + room
 
@@ -61,8 +61,8 @@ def test_a_rate_counts_runs_of_their_own_seeds_and_seeds_that_are_common():
     assert group("", alone, False).rates["violated"] == (1 / 3, clopper_pearson(3, 9), 9)
     assert group("", alone, True).rates["violated"] == (1 / 3, beta_mixture(3, 9), 9)
     both = pl.concat([alone, alone.with_columns(outcome=pl.lit("safe"))])
-    found = group("", both, False).rates["violated"]
-    assert found == (pytest.approx(1 / 6), betting([0.5] * 3 + [0.0] * 6), 18)
+    rate = group("", both, False).rates["violated"]
+    assert rate == (pytest.approx(1 / 6), betting([0.5] * 3 + [0.0] * 6), 18)
 
 
 def test_neither_searched_nor_refused_rows_are_counted():
@@ -72,9 +72,9 @@ def test_neither_searched_nor_refused_rows_are_counted():
 
 def test_groups_hold_all_runs_of_their_value():
     runs = frame([{"loss": 0.1 * (i % 3), "seed": i} for i in range(30)])
-    found = by_axis(runs, "loss", False)
-    assert [each.label for each in found] == ["0", "0.1", "0.2"]
-    assert [each.rows["index"].to_list() for each in found] == [
+    groups = by_axis(runs, "loss", False)
+    assert [each.label for each in groups] == ["0", "0.1", "0.2"]
+    assert [each.rows["index"].to_list() for each in groups] == [
         list(range(start, 30, 3)) for start in range(3)
     ]
 

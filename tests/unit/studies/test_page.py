@@ -31,59 +31,59 @@ def page(rows: pl.DataFrame, folder: Path, axes=AXES, **more) -> str:
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory) -> str:
+def markup(tmp_path_factory) -> str:
     return page(study(), tmp_path_factory.mktemp("study"))
 
 
-def drawings(shown: str) -> list[str]:
-    found = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', shown)
+def drawings(markup: str) -> list[str]:
+    found = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', markup)
     return [base64.b64decode(each).decode() for each in found]
 
 
-def listed(shown: str) -> list[list[str]]:
+def listed(markup: str) -> list[list[str]]:
     """The cells of the table of rows."""
-    body = shown.partition(ROWS)[2].partition("<tbody>")[2].partition("</tbody>")[0]
+    body = markup.partition(ROWS)[2].partition("<tbody>")[2].partition("</tbody>")[0]
     return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in body.split("\n") if row]
 
 
-def test_every_section_is_there(shown):
-    assert re.findall("<h2>(.*?)</h2>", shown) == [
+def test_every_section_is_there(markup):
+    assert re.findall("<h2>(.*?)</h2>", markup) == [
         "Outcomes", "Over network.loss", "Over safety.information",
         "network.loss and safety.information", "Worst h",
         "Cost against safety: input_deviation_mean", "Cost against safety: tracking_error_mean",
         "Rows, the worst first",
     ]  # fmt: skip
-    assert len(drawings(shown)) == 7
-    assert "800 rows; 800 runs with 100 seeds" in shown
+    assert len(drawings(markup)) == 7
+    assert "800 rows; 800 runs with 100 seeds" in markup
 
 
-def test_the_page_needs_nothing_but_itself(shown):
-    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>#]+)""", shown)
+def test_the_page_needs_nothing_but_itself(markup):
+    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>#]+)""", markup)
     assert len(sources) == 7
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
-    inside = [s for each in drawings(shown) for s in re.findall(r'(?:href="|url\()([^")]+)', each)]
+    inside = [s for each in drawings(markup) for s in re.findall(r'(?:href="|url\()([^")]+)', each)]
     assert inside
     assert all(source.startswith("#") for source in inside)
 
 
-def test_every_picture_is_described_and_turns_dark_with_the_page(shown):
-    assert len(re.findall(r'<img alt="[^"]{30,}" src', shown)) == 7
-    for each in drawings(shown):
-        ET.fromstring(each)
-        assert "prefers-color-scheme:dark" in each
-        drawn = re.findall(r"(?:fill|stroke): (#\w{6})", each)
-        assert not set(drawn) & set(DARK)
-        assert "var(--000000)" in each
+def test_every_picture_is_described_and_turns_dark_with_the_page(markup):
+    assert len(re.findall(r'<img alt="[^"]{30,}" src', markup)) == 7
+    for drawing in drawings(markup):
+        ET.fromstring(drawing)
+        assert "prefers-color-scheme:dark" in drawing
+        colours = re.findall(r"(?:fill|stroke): (#\w{6})", drawing)
+        assert not set(colours) & set(DARK)
+        assert "var(--000000)" in drawing
 
 
-def test_the_same_rows_give_the_same_file(shown, tmp_path):
-    assert page(study(), tmp_path) == shown
+def test_the_same_rows_give_the_same_file(markup, tmp_path):
+    assert page(study(), tmp_path) == markup
 
 
-def test_the_worst_rows_come_first_each_with_its_command(shown):
-    rows, data = listed(shown), study()
+def test_the_worst_rows_come_first_each_with_its_command(markup):
+    rows, data = listed(markup), study()
     assert len(rows) == MOST_LISTED
-    assert f"and {len(data) - MOST_LISTED} more" in shown
+    assert f"and {len(data) - MOST_LISTED} more" in markup
     violated = data.filter(pl.col("outcome") == "violated").sort("worst_h", descending=True)
     count = len(violated)
     assert count > 20
@@ -102,29 +102,29 @@ def test_outcomes_are_listed_by_gravity_and_a_row_without_h_after_those_with_one
     assert [row[0] for row in found] == ["5", "6", "4", "3", "2", "1", "0"]
 
 
-def test_searched_rows_are_listed_and_enter_no_interval(tmp_path, shown):
+def test_searched_rows_are_listed_and_enter_no_interval(tmp_path, markup):
     data = study()
-    found = data.head(30).with_columns(
+    searched = data.head(30).with_columns(
         index=pl.col("index") + 5000, seed=pl.col("seed") + 5000, outcome=pl.lit("violated"),
         worst_h=pl.lit(9.0), searched=pl.lit(True), input_deviation_mean=pl.lit(-9.0),
     )  # fmt: skip
-    both = page(pl.concat([data, found]), tmp_path)
+    both = page(pl.concat([data, searched]), tmp_path)
     start = "<h2>Outcomes</h2>"
     assert (
-        both.partition(start)[2].partition(ROWS)[0] == shown.partition(start)[2].partition(ROWS)[0]
+        both.partition(start)[2].partition(ROWS)[0] == markup.partition(start)[2].partition(ROWS)[0]
     )
     assert {row[0] for row in listed(both)[:30]} == {str(5000 + i) for i in range(30)}
     assert "30 chosen by a search, which are listed and enter no interval" in both
-    assert "chosen by a search" not in shown
+    assert "chosen by a search" not in markup
 
 
 def test_refused_rows_are_counted_apart(tmp_path):
     rows = [{"outcome": "refused", "seed": i, "reason": "tau: expected less"} for i in range(3)]
     rows += [{"outcome": "violated", "seed": i} for i in range(4)]
-    shown = page(frame(rows), tmp_path, [])
-    assert "3 refused, since their scenario is not valid" in shown
-    assert "100 % [39.8, 100]" in shown
-    assert shown.count("tau: expected less") == 3
+    markup = page(frame(rows), tmp_path, [])
+    assert "3 refused, since their scenario is not valid" in markup
+    assert "100 % [39.8, 100]" in markup
+    assert markup.count("tau: expected less") == 3
 
 
 def test_hostile_text_stays_text(tmp_path):
@@ -138,33 +138,33 @@ def test_hostile_text_stays_text(tmp_path):
     ]  # fmt: skip
     file = tmp_path / "s.html"
     write_study_page(frame(rows), [HOSTILE], HOSTILE, file, lambda row: HOSTILE)
-    shown = file.read_text()
-    assert len(re.findall("<script", shown)) == 1
-    assert shown.count(html.escape("alert('&')")) > 50
-    elements = [e for each in drawings(shown) for e in ET.fromstring(each).iter()]
+    markup = file.read_text()
+    assert len(re.findall("<script", markup)) == 1
+    assert markup.count(html.escape("alert('&')")) > 50
+    elements = [e for each in drawings(markup) for e in ET.fromstring(each).iter()]
     assert not any(element.tag.endswith("script") for element in elements)
     texts = [e.text for e in elements if e.tag.endswith("}text")]
     assert any("$x_1$" in text and "-->" in text for text in texts)
 
 
-def test_a_study_whose_size_depended_on_results_has_wider_intervals(tmp_path, shown):
+def test_a_study_whose_size_depended_on_results_has_wider_intervals(tmp_path, markup):
     sequence = page(study(), tmp_path, anytime=True)
     assert "confidence sequence" in sequence
-    assert "confidence sequence" not in shown
+    assert "confidence sequence" not in markup
     cell = re.compile(r">([\d.]+) to ([\d.]+)<")
 
     def widths(text: str) -> list[float]:
         heat = drawings(text)[2]
         return [float(high) - float(low) for low, high in cell.findall(heat)]
 
-    assert len(widths(shown)) == 8
-    assert all(a > b for a, b in zip(widths(sequence), widths(shown), strict=True))
+    assert len(widths(markup)) == 8
+    assert all(a > b for a, b in zip(widths(sequence), widths(markup), strict=True))
 
 
 def test_an_axis_that_is_drawn_at_random_is_shown_in_ranges(tmp_path):
     rows = [{"gain": i / 7, "seed": i, "worst_h": -1.0 / (i + 1)} for i in range(200)]
-    shown = page(frame(rows), tmp_path, ["gain"])
-    assert len(re.findall(r'<th scope="row">[\d.]+ to [\d.]+</th><td>25</td>', shown)) == 8
+    markup = page(frame(rows), tmp_path, ["gain"])
+    assert len(re.findall(r'<th scope="row">[\d.]+ to [\d.]+</th><td>25</td>', markup)) == 8
 
 
 def test_no_rows_no_runs_and_no_axes_have_pages_too(tmp_path):
@@ -176,10 +176,10 @@ def test_no_rows_no_runs_and_no_axes_have_pages_too(tmp_path):
 
 def test_runs_without_numbers_have_a_page_without_those_figures(tmp_path):
     rows = [{"loss": 0.1, "seed": i, "outcome": "broken"} for i in range(3)]
-    shown = page(frame(rows), tmp_path, ["loss"])
-    assert "Worst h" not in shown
-    assert "Cost" not in shown
-    assert len(drawings(shown)) == 1
+    markup = page(frame(rows), tmp_path, ["loss"])
+    assert "Worst h" not in markup
+    assert "Cost" not in markup
+    assert len(drawings(markup)) == 1
 
 
 def test_an_axis_that_the_frame_lacks_is_named(tmp_path):
@@ -190,11 +190,11 @@ def test_an_axis_that_the_frame_lacks_is_named(tmp_path):
     assert not (tmp_path / "s.html").exists()
 
 
-def test_a_notebook_shows_the_same_rates(shown):
+def test_a_notebook_shows_the_same_rates(markup):
     short = study_rates(study(), AXES)
     cells = re.findall(r"[\d.]+ % \[[\d., ]+\]", short)
     assert len(cells) == 7 * 3
-    assert all(cell in shown for cell in cells)
+    assert all(cell in markup for cell in cells)
 
 
 def test_the_core_finds_the_page_by_its_name():

@@ -39,11 +39,11 @@ def test_a_run_that_the_plan_does_not_have_is_refused():
 
 
 def test_a_draw_is_the_same_in_whatever_study_it_is():
-    drawn = {"safety.eta": {"log-uniform": [0.1, 10.0]}, "network.loss": {"uniform": [0, 0.5]}}
-    few = plan_from({"scenario": "unicycles", "draw": drawn, "draws": 8})
+    fields = {"safety.eta": {"log-uniform": [0.1, 10.0]}, "network.loss": {"uniform": [0, 0.5]}}
+    few = plan_from({"scenario": "unicycles", "draw": fields, "draws": 8})
     other = plan_from({
         "scenario": "unicycles", "seeds": "0:3", "draws": 20,
-        "draw": {"safety.eta": drawn["safety.eta"]},
+        "draw": {"safety.eta": fields["safety.eta"]},
         "vary": {"safety.information": MODELS},
     })  # fmt: skip
     etas = [few.point(draw).axes["safety.eta"] for draw in range(8)]
@@ -54,8 +54,8 @@ def test_a_draw_is_the_same_in_whatever_study_it_is():
 
 def test_fields_are_drawn_independently():
     unit = {"uniform": [0.0, 1.0]}
-    drawn = {"network.loss": unit, "safety.eta": unit}
-    plan = plan_from({"scenario": "unicycles", "draw": drawn, "draws": 400})
+    fields = {"network.loss": unit, "safety.eta": unit}
+    plan = plan_from({"scenario": "unicycles", "draw": fields, "draws": 400})
     axes = [tuple(plan.point(number).axes.values()) for number in range(plan.points_count)]
     # Five standard deviations of the correlation of independent draws.
     assert abs(np.corrcoef(np.array(axes).T)[0, 1]) < 0.25

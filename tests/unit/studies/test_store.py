@@ -144,13 +144,13 @@ def test_every_field_that_a_row_sets_is_a_column_of_the_file(tmp_path):
     with Store(tmp_path).open(PLAN) as store:
         for seed, overrides in enumerate(tables):
             store.add(row(seed, overrides=overrides, faults="faults.0 (kill)"))
-    found = pl.read_parquet(tmp_path / ROWS)
-    assert found["network.loss"].to_list() == [0.1, 0.5]
-    assert found["safety.margin"].to_list() == ["paper", None]
-    assert found["agents.1.start"].to_list() == [None, "[1.0, 2.0]"]
-    assert found["faults_set"].to_list() == ['[{"kind": "kill"}]', None]
-    assert found["faults"].to_list() == 2 * ["faults.0 (kill)"]
-    assert Store(tmp_path).frame().columns == found.columns[:-4]
+    rows = pl.read_parquet(tmp_path / ROWS)
+    assert rows["network.loss"].to_list() == [0.1, 0.5]
+    assert rows["safety.margin"].to_list() == ["paper", None]
+    assert rows["agents.1.start"].to_list() == [None, "[1.0, 2.0]"]
+    assert rows["faults_set"].to_list() == ['[{"kind": "kill"}]', None]
+    assert rows["faults"].to_list() == 2 * ["faults.0 (kill)"]
+    assert Store(tmp_path).frame().columns == rows.columns[:-4]
     with Store(tmp_path).open(PLAN) as store:
         store.add(row(2, overrides={}))
     assert pl.read_parquet(tmp_path / ROWS)["network.loss"].to_list() == [0.1, 0.5, None]

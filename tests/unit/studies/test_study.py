@@ -17,8 +17,8 @@ from phalanx.studies.study import Study, open_study, study
 def studied(folder, plan: Plan, outcomes: dict[int, str], **fields: object) -> Study:
     """Return a study with rows of these outcomes, by their place in the plan."""
     with Store(folder).open(plan) as store:
-        for place, outcome in outcomes.items():
-            case = plan.case(place)
+        for index, outcome in outcomes.items():
+            case = plan.case(index)
             identity = Identity(str(case.point.number), case.seed, "", "")
             row = Row(
                 identity=identity, overrides=case.point.overrides, outcome=outcome, reason="",
@@ -31,12 +31,12 @@ def studied(folder, plan: Plan, outcomes: dict[int, str], **fields: object) -> S
 def test_rates_are_of_each_point_with_their_intervals(tmp_path):
     plan = plan_from({"scenario": "unicycles", "seeds": "0:10", "vary": {"network.loss": [0, 0.5]}})
     outcomes = {place: "violated" if place in (3, 11, 12) else "safe" for place in range(20)}
-    found = studied(tmp_path, plan, outcomes).rates("violated")
-    assert found.select("network.loss", "runs", "violated", "rate").rows() == [
+    rates = studied(tmp_path, plan, outcomes).rates("violated")
+    assert rates.select("network.loss", "runs", "violated", "rate").rows() == [
         (0.0, 10, 1, 0.1),
         (0.5, 10, 2, 0.2),
     ]
-    assert found["high"][0] == pytest.approx(0.445, abs=1e-3)  # tables of Clopper and Pearson
+    assert rates["high"][0] == pytest.approx(0.445, abs=1e-3)  # tables of Clopper and Pearson
 
 
 def test_runs_that_share_a_seed_are_no_two_draws(tmp_path):
@@ -103,10 +103,10 @@ def test_a_scenario_whose_file_ends_like_a_plans_is_a_scenario(tmp_path):
 def test_faults_that_vary_are_told_from_those_that_had_an_effect(tmp_path):
     kill = [{"kind": "kill", "agents": ["1"], "at": 0.5}]
     plan = plan_from({"scenario": "unicycles", "vary": {"faults": [[], kill]}})
-    found = studied(tmp_path, plan, {0: "safe", 1: "safe"}, faults="faults.0 (kill)")
-    assert found.frame["faults"].to_list() == [json.dumps([]), json.dumps(kill)]
-    assert found.frame["faults_acted"].to_list() == ["faults.0 (kill)"] * 2
-    page = found.page(tmp_path / "page.html").read_text("utf-8")
+    faulty = studied(tmp_path, plan, {0: "safe", 1: "safe"}, faults="faults.0 (kill)")
+    assert faulty.frame["faults"].to_list() == [json.dumps([]), json.dumps(kill)]
+    assert faulty.frame["faults_acted"].to_list() == ["faults.0 (kill)"] * 2
+    page = faulty.page(tmp_path / "page.html").read_text("utf-8")
     (head,) = re.findall(r">index<.*?</tr>", page, re.DOTALL)
     assert head.count(">faults<") == 1
 
@@ -118,8 +118,8 @@ def with_trajectories(folder, axes: dict, trajectory) -> Study:
         for case in plan.cases():
             identity = Identity(str(case.point.number), case.seed, "", "")
             fields = {"overrides": case.point.overrides, "outcome": "safe", "reason": ""}
-            made = trajectory(*case.point.axes.values(), case.seed)
-            store.add(Row(identity=identity, trajectory=str(made), **fields))
+            digest = trajectory(*case.point.axes.values(), case.seed)
+            store.add(Row(identity=identity, trajectory=str(digest), **fields))
     return open_study(folder)
 
 
@@ -138,9 +138,9 @@ def test_an_axis_that_changes_no_trajectory_is_named(tmp_path, capsys, trajector
     axes = {"network.loss": [0.0, 0.5], "safety.rho": [4.0, 5.0]}
     study = with_trajectories(tmp_path, axes, trajectory)
     assert status(["study", "open", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     page = study.page(tmp_path / "page.html").read_text("utf-8")
-    for text in (said, page):
+    for text in (printed, page):
         named = re.findall(r"([\w.]+) changes no trajectory", text)
         assert named == idle
 
@@ -150,5 +150,5 @@ def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):
     assert not list(without_effect(one.frame, one.axes))
     points = [{"network.loss": 0.1, "safety.rho": 4.0}, {"network.loss": 0.2, "safety.rho": 5.0}]
     plan = plan_from({"scenario": "unicycles", "points": points})
-    drawn = studied(tmp_path / "drawn", plan, {0: "safe", 1: "safe"}, trajectory="a")
-    assert not list(without_effect(drawn.frame, drawn.axes))
+    study_of_points = studied(tmp_path / "drawn", plan, {0: "safe", 1: "safe"}, trajectory="a")
+    assert not list(without_effect(study_of_points.frame, study_of_points.axes))

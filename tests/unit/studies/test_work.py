@@ -63,8 +63,8 @@ def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
     """Compiled functions are shared between them."""
     table = read_table(scenario)
     names = [name for name, _, _ in phalanx.load(scenario).roster()]
-    own = phalanx.load(scenario).agents[0]
-    states, bound = len(own.facts.states), own.disturbance.bound
+    group = phalanx.load(scenario).agents[0]
+    states, bound = len(group.facts.states), group.disturbance.bound
     changes = (
         {},
         {"agents.0.spread": [0.3] * states},
@@ -75,24 +75,24 @@ def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
         {"faults": [{"kind": "turn", "agents": names[:1], "at": 0.02}]},
         {"faults": [{"kind": "hold", "from": names[0], "at": 0.02, "for": 0.1}], "duration": 0.15},
     )
-    found = list[str]()
+    trajectories = list[str]()
     for change in changes:
         overrides = {"duration": 0.1, **change}
         (row,) = compute(Job(table, overrides, (Identity("", 0, "", ""),)))
         run = phalanx.run(phalanx.load(scenario, overrides, 0), engine="in-process")
         assert row.trajectory == run.summary.trajectory
         assert row.shortest == run.summary.certificates.shortest
-        found.append(row.trajectory)
-    assert len({*found}) > 3
+        trajectories.append(row.trajectory)
+    assert len({*trajectories}) > 3
 
 
 @pytest.mark.slow
 def test_threads_of_an_executor_compute_the_rows_of_one():
-    found = []
+    trajectories = []
     for threads in (1, 2):
         with ThreadPoolExecutor(threads) as executor:
             study = phalanx.study(
                 "guaranteed", seeds=4, overrides={"duration": 0.2}, executor=executor, confirm=0.0
             )
-            found.append(study.frame["trajectory"].to_list())
-    assert found[0] == found[1]
+            trajectories.append(study.frame["trajectory"].to_list())
+    assert trajectories[0] == trajectories[1]
