@@ -61,7 +61,7 @@ class Find(NamedTuple):
         return next((t for t in times if t is not None), 0.0)
 
 
-def found(number: int, row: Row) -> Find:
+def find_of(number: int, row: Row) -> Find:
     """Return a row as a find."""
     return Find(number, row, min(robustness_of(row).values(), default=float("inf")))
 

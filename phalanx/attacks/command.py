@@ -93,20 +93,22 @@ def attack(
     options = Options(budget, preset, optimiser, seed, batch, fresh, first, baseline)
     fields = dict(map(field_and_value, overrides or ()))
     try:
-        with _shown(options) as show:
-            found = search(scenario, fields, options, folder=folder, workers=workers, progress=show)
+        with _display(options) as show:
+            attacked = search(
+                scenario, fields, options, folder=folder, workers=workers, progress=show
+            )
     except StudyError as error:
         raise typer.BadParameter(str(error)) from error
     except KeyboardInterrupt:
         interrupt.clear()  # said in one line
         echo_error("stopped; the finished runs are kept, and the same command goes on")
         raise
-    _print(found)
-    return 2 if any(history.violated for history in found.histories) else 0
+    _print(attacked)
+    return 2 if any(history.violated for history in attacked.histories) else 0
 
 
 @contextmanager
-def _shown(options: "Options") -> "Iterator[Callable[[History], None]]":
+def _display(options: "Options") -> "Iterator[Callable[[History], None]]":
     """Say what will run, and show how far it is; yields the function to call."""
     from phalanx.cli.display import progress_of_runs
 
@@ -123,22 +125,22 @@ def _shown(options: "Options") -> "Iterator[Callable[[History], None]]":
         yield show_search
 
 
-def _print(found: "Attacked") -> None:
+def _print(attacked: "Attacked") -> None:
     from rich.console import Console
 
     from phalanx.attacks.page import counts, fresh
     from phalanx.cli.display import TextTable
 
-    head, rows = counts(found.histories)
+    head, rows = counts(attacked.histories)
     table = TextTable(*head)
     for row in rows:
         table.add_row(*row)
     Console().print(table)
     table = TextTable("weakest pair", "at", "by", "robustness", "verdict", "on fresh seeds")
-    for behaviour, find, _ in found.finds:
+    for behaviour, find, _ in attacked.finds:
         words = f"{find.when:.3f} s", behaviour.means, f"{find.robustness:.4g}", find.row.outcome
         table.add_row(behaviour.pair, *words, fresh(find))
     Console().print(table)
-    for _, _, path in found.finds:
+    for _, _, path in attacked.finds:
         echo(path)
-    echo(f"page: {found.page}")
+    echo(f"page: {attacked.page}")

@@ -62,15 +62,15 @@ class Space:
 
     def overrides(self, point: Point) -> Fields:
         """Return the fields that a point sets, by path."""
-        found, faults = Fields(), list(self.table.get("faults", ()))
-        ends = accumulate((len(each.choices) for each in self.knobs), initial=0)
-        begins = accumulate((each.numbers for each in self.knobs), initial=0)
-        for each, number, choice in zip(self.knobs, begins, ends, strict=False):
-            numbers = point.numbers[number : number + each.numbers]
-            fields = each.fields(numbers, point.choices[choice : choice + len(each.choices)])
+        overrides, faults = Fields(), list(self.table.get("faults", ()))
+        ends = accumulate((len(knob.choices) for knob in self.knobs), initial=0)
+        begins = accumulate((knob.numbers for knob in self.knobs), initial=0)
+        for knob, number, choice in zip(self.knobs, begins, ends, strict=False):
+            numbers = point.numbers[number : number + knob.numbers]
+            fields = knob.fields(numbers, point.choices[choice : choice + len(knob.choices)])
             faults += fields.pop("faults", [])
-            found.update(fields)
-        return found | ({"faults": faults} if faults else {})
+            overrides.update(fields)
+        return overrides | ({"faults": faults} if faults else {})
 
 
 def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
@@ -80,22 +80,22 @@ def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
     """
     scenario = validate(table, source)
     attack = scenario.attack or Attack()
-    own = separated(table, scenario, {*attack.starts, *attack.scripts})
-    groups = validate(own, source).agents
-    place = {name: f"agents.{g}" for g, group in enumerate(groups) for name in group.names}
+    separate = separated(table, scenario, {*attack.starts, *attack.scripts})
+    groups = validate(separate, source).agents
+    path_of = {name: f"agents.{g}" for g, group in enumerate(groups) for name in group.names}
     by_name = {name: group for group in groups for name in group.names}
     knobs = [_varied(path, each) for path, each in attack.vary.items()]
-    knobs += [_start(place[name], box) for name, box in attack.starts.items()]
+    knobs += [_start(path_of[name], box) for name, box in attack.starts.items()]
     knobs += [
-        _script(place[name], by_name[name], pieces, scenario.duration)
+        _script(path_of[name], by_name[name], pieces, scenario.duration)
         for name, pieces in attack.scripts.items()
     ]
     if attack.faults is not None:
         knobs += [_fault(attack.faults, scenario) for _ in range(attack.faults.most)]
     if not any(each.numbers or max(each.choices, default=1) > 1 for each in knobs):
         raise ScenarioError(f"{source}: attack: expected knobs: vary, starts, scripts or faults")
-    del own["attack"]
-    return Space(own, tuple(knobs))
+    del separate["attack"]
+    return Space(separate, tuple(knobs))
 
 
 def separated(table: Mapping[str, Any], scenario: Scenario, names: set[str]) -> Fields:
@@ -106,13 +106,13 @@ def separated(table: Mapping[str, Any], scenario: Scenario, names: set[str]) -> 
         if not names & {*group.names} or group.size == 1:
             groups.append({**whole, "names": list(group.names)})
             continue
-        for place, name in enumerate(group.names):
-            own = {
-                field: [list(whole[field])[place]]
+        for member, name in enumerate(group.names):
+            of_member = {
+                field: [list(whole[field])[member]]
                 for field in ("slots", "goal", "start")
                 if whole.get(field)
             }
-            groups.append({**whole, **own, "names": [name]})
+            groups.append({**whole, **of_member, "names": [name]})
     return {**table, "agents": groups}
 
 
@@ -143,27 +143,27 @@ def _start(group: str, box: Sequence[Interval]) -> Knobs:
     return Knobs(len(free), (), fields)
 
 
-def _script(place: str, group: AgentGroup, pieces: int, duration: float) -> Knobs:
+def _script(path: str, group: AgentGroup, pieces: int, duration: float) -> Knobs:
     """Make the knobs of constant inputs: for each, the distance from U's center in a direction."""
     dynamics = group.dynamics_object()
     x = ca.SX.sym("x", len(dynamics.states))
-    known = constant_polytope(*dynamics.input_polytope(x))
-    if known is None:
+    polytope = constant_polytope(*dynamics.input_polytope(x))
+    if polytope is None:
         raise ScenarioError(f"attack: scripts.{group.names[0]}: expected inputs in a constant U")
-    low, high = known.corners.min(axis=0), known.corners.max(axis=0)
-    center, size = known.corners.mean(axis=0), len(dynamics.inputs)
+    low, high = polytope.corners.min(axis=0), polytope.corners.max(axis=0)
+    center, size = polytope.corners.mean(axis=0), len(dynamics.inputs)
     at = [rounded(duration * piece / pieces) for piece in range(pieces)]
 
     def admissible(numbers: Sequence[float]) -> list[float]:
         step = low + np.array(numbers) * (high - low) - center
-        beyond = float(((known.A @ step) / (known.b - known.A @ center)).max())
+        beyond = float(((polytope.A @ step) / (polytope.b - polytope.A @ center)).max())
         u: list[float] = (center + step / max(1.0, beyond)).tolist()
         short = [float(f"{each:.3g}") for each in u]
-        return short if known.takes(short) else u  # at a face of U it may be rounded outwards
+        return short if polytope.takes(short) else u  # at a face of U it may be rounded outwards
 
     def fields(numbers: Sequence[float], _: Sequence[int]) -> Fields:
         inputs = [admissible(numbers[k * size : (k + 1) * size]) for k in range(pieces)]
-        return {f"{place}.law": {"type": "script", "at": at, "inputs": inputs}}
+        return {f"{path}.law": {"type": "script", "at": at, "inputs": inputs}}
 
     return Knobs(pieces * size, (), fields)
 
@@ -181,8 +181,8 @@ def _fault(budget: FaultBudget, scenario: Scenario) -> Knobs:
         begin, lasts, strength = numbers
         at = rounded(begin * 0.95 * scenario.duration)
         span = rounded(max(0.01, lasts * min(budget.longest, scenario.duration)))
-        made = _FAULTS[budget.kinds[kind - 1]]
-        return {"faults": [made(name, at, span, strength, facts[name].states[0])]}
+        fault_of = _FAULTS[budget.kinds[kind - 1]]
+        return {"faults": [fault_of(name, at, span, strength, facts[name].states[0])]}
 
     several = (len(agents),) if len(agents) > 1 else ()
     return Knobs(3, (1 + len(budget.kinds), *several), fields)
@@ -211,11 +211,11 @@ def _partition(name: str, at: float, span: float, _: float, __: str) -> Fields:
 
 
 def _of_agent(kind: str, lasts: bool = True) -> Callable[..., Fields]:
-    def made(name: str, at: float, span: float, _: float, __: str) -> Fields:
+    def table_of(name: str, at: float, span: float, _: float, __: str) -> Fields:
         table = {"kind": kind, "agents": [name], "at": at}
         return {**table, "for": span} if lasts else table
 
-    return made
+    return table_of
 
 
 def _clock(name: str, at: float, span: float, strength: float, _: str) -> Fields:

@@ -24,8 +24,8 @@ class Kind(NamedTuple):
     """Properties that a candidate must share with the attack that is shrunk."""
 
     roles: tuple[str, ...]
-    """Of the first violating pair, as _End has them."""
-    apart: float
+    """Of the first violating pair, as Side has them."""
+    distance: float
     """Least distance of adversaries from normal agents at the start [m]."""
 
 
@@ -46,36 +46,36 @@ class _Candidates:
     def __init__(self, table: Fields) -> None:
         """Raises ScenarioError: the table is no scenario, or it is not violated."""
         scenario = validate(table, "attack")
-        self.found: dict[str, float | None] = {}
+        self.failures: dict[str, float | None] = {}
         evaluation = evaluate(scenario)
         first = first_violation(evaluation)
         if first is None:
             reason = f"expected a violated run, got {evaluation.summary.outcome.value}"
             raise ScenarioError(f"{scenario.name}: {reason}")
-        apart, _ = nearest(evaluation.swarm)
-        rounded_down = 0.0 if math.isinf(apart) else math.floor(10.0 * apart) / 10.0
-        self.kind = Kind(tuple(end.role for end in _ends(evaluation.swarm, first)), rounded_down)
-        self.found[digest(scenario)] = first.first
+        distance, _ = nearest(evaluation.swarm)
+        rounded_down = 0.0 if math.isinf(distance) else math.floor(10.0 * distance) / 10.0
+        self.kind = Kind(tuple(side.role for side in _sides(evaluation.swarm, first)), rounded_down)
+        self.failures[digest(scenario)] = first.first
 
     def __call__(self, table: Fields) -> float | None:
         """Return when a candidate fails in the same manner [s]; None if it does not."""
         try:
             scenario = validate(table, "candidate")
             key = digest(scenario)
-            if key not in self.found:
-                self.found[key] = self._failed(scenario)
-            return self.found[key]
+            if key not in self.failures:
+                self.failures[key] = self._failed(scenario)
+            return self.failures[key]
         except ScenarioError:
             return None
 
     def _failed(self, scenario: Scenario) -> float | None:
-        if shortfall(build_swarm(scenario), Attack(apart=self.kind.apart))[0] > 0.0:
+        if shortfall(build_swarm(scenario), Attack(apart=self.kind.distance))[0] > 0.0:
             return None
         evaluation = evaluate(scenario)
         first = first_violation(evaluation)
         if (
             first is None
-            or tuple(end.role for end in _ends(evaluation.swarm, first)) != self.kind.roles
+            or tuple(side.role for side in _sides(evaluation.swarm, first)) != self.kind.roles
         ):
             return None
         return first.first
@@ -93,7 +93,7 @@ def smallest(table: Fields, origin: Fields) -> Shrunk:
     candidates = _Candidates(table)
     small = shrink(table, origin, candidates)
     sizes = size_of(table), size_of(small)
-    return Shrunk(small, evaluate(validate(small, "attack")), len(candidates.found), sizes)
+    return Shrunk(small, evaluate(validate(small, "attack")), len(candidates.failures), sizes)
 
 
 def first_violation(evaluation: Evaluation) -> Violation | None:
@@ -115,8 +115,8 @@ def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> 
     swarm, summary = shrunk.evaluation.swarm, shrunk.evaluation.summary
     first = first_violation(shrunk.evaluation)
     assert first is not None
-    who = " and ".join(end.in_words for end in _ends(swarm, first))
-    apart, nearest_two = nearest(swarm)
+    who = " and ".join(side.in_words for side in _sides(swarm, first))
+    distance, nearest_two = nearest(swarm)
     rounded_down = math.floor(1e3 * promised(swarm).time) / 1e3
     lines = [
         f"{who.capitalize()} are unsafe from {first.first:.3f} s on: h up to {first.worst:.3g}, "
@@ -125,8 +125,8 @@ def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> 
     ]
     if summary.certificates.uncovered_at is not None:
         lines.append(f"Certificates proved it until {summary.certificates.uncovered_at:.3f} s.")
-    if not math.isinf(apart):
-        start = f"{apart:.2f} m to a normal agent ({nearest_two})"
+    if not math.isinf(distance):
+        start = f"{distance:.2f} m to a normal agent ({nearest_two})"
         lines.append(f"At the start no adversary is nearer than {start}.")
     lines += [
         f"{_ATTACKED}{attacked}; shrunk from {shrunk.sizes[0]} to {shrunk.sizes[1]} values in "
@@ -157,7 +157,7 @@ def _left_out(table: Fields, origin: Fields) -> list[str]:
     ]
 
 
-class Stated(NamedTuple):
+class Expected(NamedTuple):
     """The run of an attack as its file states it."""
 
     verdict: str
@@ -167,7 +167,7 @@ class Stated(NamedTuple):
     """Its first comment."""
 
 
-def stated(file: Path) -> Stated:
+def stated(file: Path) -> Expected:
     """Read an attack's comments. Raises ScenarioError if they state no verdict or trajectory."""
     lines = [line.lstrip("# ") for line in file.read_text(encoding="utf-8").splitlines()]
 
@@ -177,13 +177,15 @@ def stated(file: Path) -> Stated:
     for word in (_VERDICT, _TRAJECTORY):
         if not after(word):
             raise ScenarioError(f"{file}: expected a comment '# {word}...': no attack's file")
-    return Stated(after(_VERDICT), after(_TRAJECTORY), after(_ATTACKED).partition(";")[0], lines[0])
+    return Expected(
+        after(_VERDICT), after(_TRAJECTORY), after(_ATTACKED).partition(";")[0], lines[0]
+    )
 
 
 def differences(file: Path, engines: Sequence[str]) -> list[str]:
     """Run an attack's file on each engine, and return in words what is not as it states."""
     scenario = phalanx.load(file)
-    expected, found = stated(file), []
+    expected, deviations = stated(file), []
     for engine in engines:
         with TemporaryDirectory() as folder:
             summary = phalanx.run(scenario, engine=engine, out=folder).summary
@@ -191,12 +193,12 @@ def differences(file: Path, engines: Sequence[str]) -> list[str]:
         if summary.outcome is Outcome.STOPPED:
             raise KeyboardInterrupt
         got = {"verdict": summary.outcome.value, "trajectory": summary.trajectory}
-        found += [
+        deviations += [
             f"{engine}: expected the {word} {getattr(expected, word)}, got {value}"
             for word, value in got.items()
             if value != getattr(expected, word)
         ]
-    return found
+    return deviations
 
 
 def read_attack(file: Path, attacked: str | None) -> tuple[Fields, Fields, str]:
@@ -206,7 +208,7 @@ def read_attack(file: Path, attacked: str | None) -> tuple[Fields, Fields, str]:
     return table, read_table(name), name
 
 
-class _End(NamedTuple):
+class Side(NamedTuple):
     """A side of a pair."""
 
     role: str
@@ -220,12 +222,12 @@ class _End(NamedTuple):
         return prefix + self.label
 
 
-def _ends(swarm: Swarm, violation: Violation) -> tuple[_End, _End]:
+def _sides(swarm: Swarm, violation: Violation) -> tuple[Side, Side]:
     """Return the two sides of a violation's pair."""
     composed = swarm.safe_set
     pair = next(pair for pair in composed.pairs if composed.label(pair) == violation.pair)
     roles = ["adversary" if member.adversary else "normal" for member in swarm.members]
     roles += ["other"] * len(composed.obstacles)
-    return _End(roles[pair.a], composed.labels[pair.a]), _End(
+    return Side(roles[pair.a], composed.labels[pair.a]), Side(
         roles[pair.b], composed.labels[pair.b]
     )

@@ -20,17 +20,17 @@ _SIGMA = 0.3
 """First step of CMA-ES, in a cube of side 1."""
 
 
-class Trials(Protocol):
+class Evaluator(Protocol):
     """The search, as its optimiser uses it."""
 
     def costs(self, points: Sequence[Point]) -> list[float]:
         """Evaluate a generation, and return a cost for each: less is a better attack."""
 
-    def turn(self) -> None:
+    def next_target(self) -> None:
         """Begin again: from now on costs are of another target."""
 
 
-class Asked(Protocol):
+class SearchSpace(Protocol):
     """Sizes of a search."""
 
     @property
@@ -42,20 +42,22 @@ class Asked(Protocol):
         """The number of possibilities of each choice."""
 
 
-Optimiser = Callable[[Asked, Trials, int, "int | None"], None]
-"""(sizes, trials, seed, batch) -> never: the search ends it by an exception."""
+Optimiser = Callable[[SearchSpace, Evaluator, int, "int | None"], None]
+"""(sizes, evaluator, seed, batch) -> never: the search ends it by an exception."""
 
 
-def random_search(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+def random_search(space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None) -> None:
     """Draw every point uniformly."""
     width = space.numbers + len(space.choices)
     draws, size, begin = Draws(seed, "attack", "random", width=width), batch or 10, 0
     while True:
-        trials.costs([_point(space, draws[begin + k]) for k in range(size)])
+        evaluator.costs([_point(space, draws[begin + k]) for k in range(size)])
         begin += size
 
 
-def differential_evolution(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+def differential_evolution(
+    space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None
+) -> None:
     """Do SciPy's differential evolution; a choice is a number that is rounded down."""
     from scipy.optimize import differential_evolution as minimise
 
@@ -64,15 +66,15 @@ def differential_evolution(space: Asked, trials: Trials, seed: int, batch: int |
         draws = Draws(seed, "attack", "differential evolution", str(again), width=width)
         begin = np.array([draws[k] for k in range(max(batch or 10, 5))])
         minimise(
-            lambda x: np.array(trials.costs([_point(space, each) for each in x.T])),
+            lambda x: np.array(evaluator.costs([_point(space, each) for each in x.T])),
             bounds=[(0.0, 1.0)] * width, init=begin, vectorized=True, updating="deferred",
             polish=False, seed=(seed + again) % 2**32, maxiter=10**6,
         )  # fmt: skip
         again += 1
-        trials.turn()
+        evaluator.next_target()
 
 
-def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+def cma_es(space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None) -> None:
     """Do CMA-ES with margin and categories; it begins again when it no longer improves.
 
     Raises ImportError without the library.
@@ -83,7 +85,7 @@ def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
         best, stale = np.inf, 0
         while stale < _STALE and not search.should_stop():
             asked = [search.ask() for _ in range(search.population_size)]
-            costs = trials.costs([_of_solution(each) for each in asked])
+            costs = evaluator.costs([_of_solution(each) for each in asked])
             # cmaes 0.13 warns of the median of nothing until half of a generation's costs differ:
             # its penalties are then NaN, and the order of the costs stays as it is.
             with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
@@ -91,10 +93,10 @@ def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
             stale = 0 if min(costs) < best else stale + 1
             best = min(best, *costs)
         again += 1
-        trials.turn()
+        evaluator.next_target()
 
 
-def _cma(space: Asked, seed: int, batch: int | None) -> Any:
+def _cma(space: SearchSpace, seed: int, batch: int | None) -> Any:
     with extras_named():
         from cmaes import CatCMAwM
     sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
@@ -112,7 +114,7 @@ def _of_solution(solution: Any) -> Point:
     return Point(numbers, chosen)
 
 
-def _point(space: Asked, x: Any) -> Point:
+def _point(space: SearchSpace, x: Any) -> Point:
     numbers, rest = x[: space.numbers].tolist(), x[space.numbers :].tolist()
     pairs = zip(rest, space.choices, strict=True)
     return Point(tuple(numbers), tuple(min(int(v * count), count - 1) for v, count in pairs))

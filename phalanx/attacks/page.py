@@ -71,11 +71,11 @@ def counts(histories: Sequence[History]) -> tuple[Sequence[str], list[Sequence[s
     head = ("optimiser", "runs", "repeated", "refused", "least robustness", "violated", "first at")
     rows: list[Sequence[str]] = [
         (
-            each.optimiser, *map(str, (len(each.finds), each.fresh, each.refused)),
-            f"{each.best:.4g}", str(len(each.violated)),
-            str(each.violated[0].number) if each.violated else "–",
+            history.optimiser, *map(str, (len(history.finds), history.fresh, history.refused)),
+            f"{history.best:.4g}", str(len(history.violated)),
+            str(history.violated[0].number) if history.violated else "–",
         )
-        for each in histories
+        for history in histories
     ]  # fmt: skip
     return head, rows
 
@@ -103,43 +103,43 @@ def fresh(find: Find) -> str:
 
 def _best(search: Search, find: Find, files: dict[str, Path]) -> str:
     """Return its verdict, its paths, and the fields in which it differs from the scenario."""
-    found = evaluate(load(table_of(search.space.table, find)))
+    evaluation = evaluate(load(table_of(search.space.table, find)))
     caption = (
         f"Paths seen from above, from the dots on to {find.when:.3f} s, and the distance of each "
         "adversary to the nearest normal agent over time. Adversaries are red."
     )
-    t, x = found.recording.times, found.recording.x
-    shown = drawing(caption, partial(space_time_figure, search.swarm, t, x, find.when))
+    t, x = evaluation.recording.times, evaluation.recording.x
+    pictures = drawing(caption, partial(space_time_figure, search.swarm, t, x, find.when))
     file = files.get(find.row.trajectory)
     command = f" Repeat it: phalanx run {file}" if file else ""
-    said = note(f"{found.summary.outcome}: {found.summary.reason}.{command}")
+    verdict = note(f"{evaluation.summary.outcome}: {evaluation.summary.reason}.{command}")
     changed = [(path, str(value)) for path, value in find.row.overrides.items()]
-    return said + shown + table(("field", "value of this attack"), changed)
+    return verdict + pictures + table(("field", "value of this attack"), changed)
 
 
 def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
     """Draw the distances of adversaries over time, and all paths up to a time [s]."""
     figure = Figure(figsize=(current().width, _HEIGHT), layout="constrained")
-    seen, over_time = figure.subplots(1, 2)
-    for each in (seen, over_time):
-        style_axes(each)
-    points = np.array([swarm.positions(each) for each in x[:: max(1, len(x) // 500)]])
+    above, over_time = figure.subplots(1, 2)
+    for panel in (above, over_time):
+        style_axes(panel)
+    points = np.array([swarm.positions(state) for state in x[:: max(1, len(x) // 500)]])
     t = t[:: max(1, len(t) // 500)]
     until = t <= when
     for i, member in enumerate(swarm.members):
         colour = ADVERSARY if member.adversary else NORMAL
-        seen.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
-        seen.plot(*points[0, i, :2], "o", color=colour, markersize=4)
-        seen.annotate(
+        above.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
+        above.plot(*points[0, i, :2], "o", color=colour, markersize=4)
+        above.annotate(
             member.name, points[0, i, :2], (5, 5), textcoords="offset points", color=colour
         )
         if member.adversary:
-            apart = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
-            over_time.plot(t, apart.min(axis=1), color=colour, linewidth=1.2, label=member.name)
+            distance = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
+            over_time.plot(t, distance.min(axis=1), color=colour, linewidth=1.2, label=member.name)
     over_time.axvline(when, color=PEAK, linestyle="--", linewidth=1.0)
     over_time.set(xlabel="t [s]", ylabel="distance [m]")
-    seen.set(xlabel="x [m]", ylabel="y [m]")
-    seen.set_aspect("equal", adjustable="datalim")
+    above.set(xlabel="x [m]", ylabel="y [m]")
+    above.set_aspect("equal", adjustable="datalim")
     if any(member.adversary for member in swarm.members):
         over_time.legend(frameon=False)
     return figure

@@ -81,17 +81,17 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
     return Evaluation(swarm, summary, recording, pairs)
 
 
-def robustness(h: float, left: float) -> float:
+def robustness(h: float, remaining: float) -> float:
     """Return a pair's robustness.
 
     Args:
         h: its largest value, in multiples of its scale.
-        left: the least time that was left of its certificate, in τ.
+        remaining: the least time that was left of its certificate, in τ.
     """
     if not h <= 0.0:
         return -h
     below = -h / (1.0 - h)
-    return below if left < 0.0 else 1.0 + min(left, _LONGEST) + below
+    return below if remaining < 0.0 else 1.0 + min(remaining, _LONGEST) + below
 
 
 def scales_of(swarm: Swarm) -> dict[str, float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from phalanx.attacks.archive import Archive, Find, found
+from phalanx.attacks.archive import Archive, Find, find_of
 from phalanx.attacks.knobs import Fields, Point, Space
 from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.robustness import scales_of
@@ -70,7 +70,7 @@ class History:
 
     optimiser: str
     finds: list[Find] = field(default_factory=list)
-    """Of the runs; starts that are not admissible are none."""
+    """Completed runs only; inadmissible starts are skipped."""
     refused: int = 0
     """Points that were not run."""
     begun: int = 0
@@ -116,16 +116,16 @@ class Search:
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
         self._targets = _targets(self.swarm)
-        self._turns = 0
+        self._target_number = 0
         self.unseen = set[_Key]()
         """Of the store's searched rows, those that no optimiser asked for yet."""
-        self._known: dict[_Key, Row] = {}
+        self._rows_by_key: dict[_Key, Row] = {}
         for columns in store.frame().iter_rows(named=True):
             row = row_from(columns)
             if row.searched:
                 self.unseen.add((columns["overrides"], row.identity.seed))
             if row.identity[2:] == self._identity[2:] and row.outcome != BROKEN:
-                self._known[columns["overrides"], row.identity.seed] = row
+                self._rows_by_key[columns["overrides"], row.identity.seed] = row
 
     # A Ctrl-C must not interrupt storing: it ends the search at the next wait.
     @interrupt.handled()
@@ -134,7 +134,7 @@ class Search:
         """Let an optimiser make its runs. Raises OSError."""
         history = History(optimiser)
         self.histories.append(history)
-        self._turns = 0
+        self._target_number = 0
         self._progress(history)
         with contextlib.suppress(_BudgetSpentError):
             OPTIMISERS[optimiser](self.space, self, self._options.seed, self._options.batch)
@@ -149,7 +149,7 @@ class Search:
             rows += self._rows(runs[len(rows) : len(rows) + more], searched=True)
             begun = [row for row in rows if START not in robustness_of(row)]
         first = len(history.finds) + 1
-        generation = [found(number, row) for number, row in enumerate(begun, first)]
+        generation = [find_of(number, row) for number, row in enumerate(begun, first)]
         new = [find for find in generation if self.archive.add(find)]
         history.finds += generation
         history.refused += len(rows) - len(begun)
@@ -162,15 +162,15 @@ class Search:
             raise _BudgetSpentError
         return [self._cost(row) for row in rows]
 
-    def turn(self) -> None:
-        """Turn to the next target: the weakest pair of all, or of one adversary."""
-        self._turns += 1
+    def next_target(self) -> None:
+        """Choose the next target: the weakest pair of all, or of one adversary."""
+        self._target_number += 1
 
     def _cost(self, row: Row) -> float:
         robustness = robustness_of(row)
         if START in robustness:
             return robustness[START]
-        target = self._targets[self._turns % len(self._targets)]
+        target = self._targets[self._target_number % len(self._targets)]
         return min((v for pair, v in robustness.items() if pair in target), default=_NONE)
 
     def _try_again(self, find: Find) -> None:
@@ -182,16 +182,18 @@ class Search:
             self.archive.confirm(find, self._rows(again, searched=False))
             self.histories[-1].fresh += fresh
 
-    def _rows(self, wanted: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
+    def _rows(self, cases: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
         """Return the row of each run, in this order; those that the journal lacks are computed."""
-        keys = [(json_text(overrides), seed) for overrides, seed in wanted]
-        runs = dict(zip(keys, wanted, strict=True))
+        keys = [(json_text(overrides), seed) for overrides, seed in cases]
+        runs = dict(zip(keys, cases, strict=True))
         missing = [
-            self._task(key, *run, searched) for key, run in runs.items() if key not in self._known
+            self._task(key, *run, searched)
+            for key, run in runs.items()
+            if key not in self._rows_by_key
         ]
         self._executing.run(iter(missing))
         self.unseen.difference_update(keys)
-        return [self._known[key] for key in keys]
+        return [self._rows_by_key[key] for key in keys]
 
     def _task(self, key: _Key, overrides: Fields, seed: int, searched: bool) -> Task:
         identities = (self._identity._replace(seed=seed),)
@@ -201,7 +203,7 @@ class Search:
     def _take(self, key: _Key, searched: bool, row: Row) -> None:
         row.searched = searched
         self._store.add(row)
-        self._known[key] = row
+        self._rows_by_key[key] = row
         history = self.histories[-1]
         history.begun += searched and START not in robustness_of(row)
         self._progress(history)

@@ -40,16 +40,16 @@ def shrink(
     """
     from phalanx.attacks.minimise import attack_text, read_attack, smallest
 
-    table, origin, known = read_attack(file, attacked)
-    found = smallest({**table, "name": name or table["name"]}, origin)
-    text = attack_text(found, origin, known, f"phalanx run {out or 'FILE'}")
+    table, origin, attacked_name = read_attack(file, attacked)
+    shrunk = smallest({**table, "name": name or table["name"]}, origin)
+    text = attack_text(shrunk, origin, attacked_name, f"phalanx run {out or 'FILE'}")
     if out is None:
         echo(text)
         return 0
     with whole_file(out) as part:
         part.write_text(text, encoding="utf-8")
-    before, after = found.sizes
-    echo(f"{out}: {after} values instead of {before}, after {found.runs} runs")
+    before, after = shrunk.sizes
+    echo(f"{out}: {after} values instead of {before}, after {shrunk.runs} runs")
     return 0
 
 
@@ -67,12 +67,12 @@ def replay(
     from phalanx.attacks.minimise import differences, stated
 
     status = 0
-    for each in files:
-        for file in sorted(each.glob("*.toml")) if each.is_dir() else [each]:
-            found = differences(file, _ENGINES)
-            for difference in found:
+    for path in files:
+        for file in sorted(path.glob("*.toml")) if path.is_dir() else [path]:
+            deviations = differences(file, _ENGINES)
+            for difference in deviations:
                 echo_error(f"{file}: {difference}")
-            words = "differs" if found else "as stated, on both engines"
+            words = "differs" if deviations else "as stated, on both engines"
             echo(f"{file}: {words}: {stated(file).shows}")
-            status = 2 if found else status
+            status = 2 if deviations else status
     return status

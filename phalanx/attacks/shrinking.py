@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 Fields = dict[str, Any]
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys and indices on the path to a value of a table."""
 Observe = Callable[[Fields], float | None]
 """Time at which a scenario fails [s]; None if it does not, or is not valid."""
@@ -37,20 +37,20 @@ def ddmin(items: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
         items: which fail together.
         fails: whether a sublist fails; the same answer for the same sublist.
     """
-    kept, size = list(items), len(items)
+    rest, size = list(items), len(items)
     while size:
-        begin, before = 0, len(kept)
-        while begin < len(kept):
-            fewer = kept[:begin] + kept[begin + size :]
+        begin, before = 0, len(rest)
+        while begin < len(rest):
+            fewer = rest[:begin] + rest[begin + size :]
             if fails(fewer):
-                kept = fewer
+                rest = fewer
             else:
                 begin += size
         if size > 1:
-            size = min(size // 2, len(kept))
-        elif len(kept) == before:
+            size = min(size // 2, len(rest))
+        elif len(rest) == before:
             break
-    return kept
+    return rest
 
 
 def shrink(table: Fields, origin: Fields, observe: Observe) -> Fields:
@@ -75,14 +75,14 @@ def size_of(table: Fields) -> int:
     return sum(1 for _ in leaves(table))
 
 
-def leaves(node: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Yield every value that is neither a table nor a list, with its place."""
+def leaves(node: Any, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield every value that is neither a table nor a list, with its path."""
     if isinstance(node, dict | list):
         pairs = node.items() if isinstance(node, dict) else enumerate(node)
         for key, child in pairs:
-            yield from leaves(child, (*place, key))
+            yield from leaves(child, (*path, key))
     else:
-        yield place, node
+        yield path, node
 
 
 def _fewer(table: Fields, origin: Fields, observe: Observe) -> Fields:
@@ -92,33 +92,33 @@ def _fewer(table: Fields, origin: Fields, observe: Observe) -> Fields:
     return table
 
 
-def _with_fewest(table: Fields, parts: list[Place], observe: Observe) -> Fields:
-    def with_(kept: list[Place]) -> Fields:
+def _with_fewest(table: Fields, parts: list[KeyPath], observe: Observe) -> Fields:
+    def with_(kept: list[KeyPath]) -> Fields:
         return _without(table, [part for part in parts if part not in kept])
 
     return with_(ddmin(parts, lambda kept: observe(with_(kept)) is not None))
 
 
-def _agents(table: Fields) -> Iterator[Place]:
+def _agents(table: Fields) -> Iterator[KeyPath]:
     groups = list(enumerate(table.get("agents", ())))
     for g, group in sorted(groups, key=lambda each: each[1].get("role") != "adversary"):
         for member in range(len(group.get("names", ()))):
             yield "agents", g, "names", member
 
 
-def _elements(table: Fields) -> Iterator[Place]:
+def _elements(table: Fields) -> Iterator[KeyPath]:
     for name in _LISTS:
         yield from ((name, k) for k in range(len(table.get(name, ()))))
 
 
-def _switches(table: Fields) -> Iterator[Place]:
+def _switches(table: Fields) -> Iterator[KeyPath]:
     for g, group in enumerate(table.get("agents", ())):
         law = group.get("law", {})
         if law.get("type") == "script":
             yield from (("agents", g, "law", "at", k) for k in range(len(law["at"])))
 
 
-def _optional(table: Fields) -> Iterator[Place]:
+def _optional(table: Fields) -> Iterator[KeyPath]:
     yield from ((name,) for name in _TABLES if name in table)
     yield from (("network", name) for name in table.get("network", ()))
     for g, group in enumerate(table.get("agents", ())):
@@ -127,7 +127,7 @@ def _optional(table: Fields) -> Iterator[Place]:
             yield "agents", g, "clock", "jitter"
 
 
-def _without(table: Fields, parts: Sequence[Place]) -> Fields:
+def _without(table: Fields, parts: Sequence[KeyPath]) -> Fields:
     """Return a copy of a table without some of its parts."""
     table = copy.deepcopy(table)
     for part in sorted(parts, reverse=True):  # later elements first: the others keep their index
@@ -150,26 +150,26 @@ def _without(table: Fields, parts: Sequence[Place]) -> Fields:
 
 def _nearer(table: Fields, origin: Fields, observe: Observe) -> Fields:
     """Give as many fields as possible the value that they have in the scenario attacked."""
-    wanted = _of_origin(table, origin)
-    now = {place: _at(table, place) for place in wanted}
-    changed = [place for place in wanted if now[place] != wanted[place]]
+    targets = _of_origin(table, origin)
+    now = {path: _at(table, path) for path in targets}
+    changed = [path for path in targets if now[path] != targets[path]]
 
-    def with_(kept: list[Place]) -> Fields:
-        back = {place: wanted[place] for place in changed if place not in kept}
+    def with_(kept: list[KeyPath]) -> Fields:
+        back = {path: targets[path] for path in changed if path not in kept}
         return _with(table, back)
 
     return with_(ddmin(changed, lambda kept: observe(with_(kept)) is not None))
 
 
-def _of_origin(table: Fields, origin: Fields) -> dict[Place, Any]:
-    """Return the values of the scenario attacked at the places that both have."""
-    pairs: list[tuple[Place, Fields, Fields]] = [((), table, origin)]
+def _of_origin(table: Fields, origin: Fields) -> dict[KeyPath, Any]:
+    """Return the values of the scenario attacked at the paths that both have."""
+    pairs: list[tuple[KeyPath, Fields, Fields]] = [((), table, origin)]
     for g, group in enumerate(table.get("agents", ())):
         names = set(group.get("names", ()))
         for other in origin.get("agents", ()):
             if names and names <= set(other.get("names", ())):
                 pairs.append((("agents", g), group, other))
-    found: dict[Place, Any] = {}
+    values: dict[KeyPath, Any] = {}
     for above, here, there in pairs:
         for name in here.keys() & there.keys() - {
             "agents",
@@ -181,12 +181,12 @@ def _of_origin(table: Fields, origin: Fields) -> dict[Place, Any]:
         }:
             if isinstance(here[name], dict) and name in ("safety", "network", "time", "clock"):
                 inner = here[name].keys() & there[name].keys()
-                found |= {(*above, name, key): there[name][key] for key in inner}
+                values |= {(*above, name, key): there[name][key] for key in inner}
             else:
-                found[*above, name] = there[name]
+                values[*above, name] = there[name]
     if "seed" in table:
-        found.setdefault(("seed",), 0)
-    return {place: found[place] for place in sorted(found, key=str)}
+        values.setdefault(("seed",), 0)
+    return {path: values[path] for path in sorted(values, key=str)}
 
 
 def _shorter(table: Fields, origin: Fields, observe: Observe) -> Fields:
@@ -204,22 +204,22 @@ def _shorter(table: Fields, origin: Fields, observe: Observe) -> Fields:
 
 def _rounder(table: Fields, origin: Fields, observe: Observe) -> Fields:
     """Round starts, laws and faults: all at once, then each as far as it goes."""
-    places = [place for place, value in leaves(table) if _may_be_rounded(place, value)]
+    paths = [path for path, value in leaves(table) if _may_be_rounded(path, value)]
     for digits in _DIGITS:
-        rounded = _with(table, {place: _round(_at(table, place), digits) for place in places})
+        rounded = _with(table, {path: _round(_at(table, path), digits) for path in paths})
         if rounded == table or observe(rounded) is not None:
             table = rounded
             break
-    for place, digits in chain.from_iterable(((p, d) for d in _DIGITS) for p in places):
-        now, value = _at(table, place), _round(_at(table, place), digits)
+    for path, digits in chain.from_iterable(((p, d) for d in _DIGITS) for p in paths):
+        now, value = _at(table, path), _round(_at(table, path), digits)
         if len(f"{value:g}") < len(f"{now:g}"):
-            rounded = _with(table, {place: value})
+            rounded = _with(table, {path: value})
             table = rounded if observe(rounded) is not None else table
     return table
 
 
-def _may_be_rounded(place: Place, value: Any) -> bool:
-    searched = place[0] == "faults" or (place[0] == "agents" and place[2] in ("start", "law"))
+def _may_be_rounded(path: KeyPath, value: Any) -> bool:
+    searched = path[0] == "faults" or (path[0] == "agents" and path[2] in ("start", "law"))
     return searched and isinstance(value, float)
 
 
@@ -227,7 +227,7 @@ def _round(value: float, digits: int) -> float:
     return round(value, digits) + 0.0  # no -0.0
 
 
-def _with(table: Fields, values: dict[Place, Any]) -> Fields:
+def _with(table: Fields, values: dict[KeyPath, Any]) -> Fields:
     """Return a copy of a table with some values replaced."""
     table = copy.deepcopy(table)
     for (*above, last), value in values.items():
@@ -235,7 +235,7 @@ def _with(table: Fields, values: dict[Place, Any]) -> Fields:
     return table
 
 
-def _at(table: Any, place: Sequence[str | int]) -> Any:
-    for key in place:
+def _at(table: Any, path: Sequence[str | int]) -> Any:
+    for key in path:
         table = table[key]
     return table

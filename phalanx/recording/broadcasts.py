@@ -31,7 +31,7 @@ class Broadcast(NamedTuple):
 def broadcasts(recording: Recording) -> Iterator[Broadcast]:
     """Yield every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
     names = [name for name, _, _ in recording.scenario.roster()]
-    place = {name: i for i, name in enumerate(names)}
+    index = {name: i for i, name in enumerate(names)}
     # A broadcast is put when its input takes effect; delays count from there.
     latency = recording.scenario.time.latency
     sent = {(step.agent, step.k): step.t + latency for step in recording.steps}
@@ -48,7 +48,7 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
             fate = LOST if delay < 0.0 else LATE if t + delay > next_step else IN_TIME
             arrival = t + max(delay, 0.0)
             lied = (sender, k) in false
-            yield Broadcast(place[sender], place[step.agent], t, arrival, fate, lied)
+            yield Broadcast(index[sender], index[step.agent], t, arrival, fate, lied)
 
 
 def window(moment: float, end: float, samples: Iterable[Sequence[float]]) -> tuple[float, float]:

@@ -40,13 +40,15 @@ def disturbances_of(recording: Recording, swarm: Swarm) -> list[AgentDisturbance
     """
     times = recording.times
     x = recording.x.reshape(len(times), swarm.safe_set.parts[-1].stop)
-    known = dict[int, _Explained]()
-    found = []
-    each = zip(swarm.members, swarm.safe_set.parts, steps_by_agent(recording).values(), strict=True)
-    for member, part, steps in each:
-        explained = known.setdefault(id(member.dynamics), _Explained(member.dynamics))
-        found.append(explained.intervals(times, x[:, part], steps))
-    return found
+    by_dynamics = dict[int, _Explained]()
+    disturbances = []
+    agents = zip(
+        swarm.members, swarm.safe_set.parts, steps_by_agent(recording).values(), strict=True
+    )
+    for member, part, steps in agents:
+        explained = by_dynamics.setdefault(id(member.dynamics), _Explained(member.dynamics))
+        disturbances.append(explained.intervals(times, x[:, part], steps))
+    return disturbances
 
 
 class _Explained:

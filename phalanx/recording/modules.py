@@ -49,9 +49,9 @@ def make_importable(modules: Mapping[str, bytes], recorded: Mapping[str, str], t
         ModulesError: they differ from their hashes, are not valid, or other modules of their
             names were imported before.
     """
-    found = hashes(modules)
-    for path in sorted(found.keys() | recorded.keys()):
-        if found.get(path) != recorded.get(path):
+    computed = hashes(modules)
+    for path in sorted(computed.keys() | recorded.keys()):
+        if computed.get(path) != recorded.get(path):
             raise ModulesError(f"module {path!r} is not the recorded one: SHA-256 differs")
     imported = imported_sources()
     changed = [path for path in modules if imported.get(path, modules[path]) != modules[path]]
@@ -59,7 +59,7 @@ def make_importable(modules: Mapping[str, bytes], recorded: Mapping[str, str], t
         replaced = [path for path in modules if _found_here(path) != modules[path]]
         changed = [path for path in replaced if _name(path) in sys.modules]
         if replaced and not changed:
-            _place(modules)
+            _install(modules)
             log.warning("imported from the recording: %s", ", ".join(replaced))
     if changed:
         raise ModulesError(
@@ -89,7 +89,7 @@ def _found_here(path: str) -> bytes | None:
     return None
 
 
-def _place(modules: Mapping[str, bytes]) -> None:
+def _install(modules: Mapping[str, bytes]) -> None:
     """Write all of them, since a package lies in one folder, where imports look first."""
     # In a folder of their own, apart from the modules of other recordings.
     folder = Path(tempfile.mkdtemp(dir=_folder().name))

@@ -167,8 +167,8 @@ def size_in_words(recording: Recording) -> str:
     total = f"{size / 1e6:.3g} MB"
     if not seconds:
         return total
-    each = size / (agents * seconds)
-    return f"{total}, {each / 1e3:.3g} kB for each agent and second of virtual time"
+    rate = size / (agents * seconds)
+    return f"{total}, {rate / 1e3:.3g} kB for each agent and second of virtual time"
 
 
 def misfit(recording: Recording) -> str | None:
@@ -184,9 +184,9 @@ def misfit(recording: Recording) -> str | None:
         if not _fits(step, inputs):
             return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
     sizes = {name: len(found.states) for name, found in dynamics.items()}
-    for each in recording.shown:
-        if not _could_be_shown(each, sizes, inputs):
-            return f"what agent {each.agent!r} was shown at t = {each.t:.3f} s has wrong fields"
+    for data in recording.shown:
+        if not _could_be_shown(data, sizes, inputs):
+            return f"what agent {data.agent!r} was shown at t = {data.t:.3f} s has wrong fields"
     for command in recording.commands:
         if command.effect and command.agent not in dynamics:
             return f"a command at t = {command.t:.3f} s to {command.agent!r}, which is no agent"
@@ -204,13 +204,13 @@ def _fits(step: Step, inputs: dict[str, int]) -> bool:
     )
 
 
-def _could_be_shown(shown: StepData, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
-    in_order = [name for name in sizes if name in shown.seen]
+def _could_be_shown(data: StepData, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
+    in_order = [name for name in sizes if name in data.seen]
     return (
-        shown.agent in in_order
-        and shown.seen == in_order
-        and len(shown.x) == sum(sizes[name] for name in in_order)
-        and all(len(u) == inputs.get(sender) for sender, _, u in shown.received)
+        data.agent in in_order
+        and data.seen == in_order
+        and len(data.x) == sum(sizes[name] for name in in_order)
+        and all(len(u) == inputs.get(sender) for sender, _, u in data.received)
     )
 
 
@@ -233,14 +233,14 @@ class _Contents:
                 if isinstance(record, Channel) and record.topic in kinds:
                     decoders[record.id] = msgspec.json.Decoder(kinds[record.topic])
                 elif isinstance(record, Message) and record.channel_id in decoders:
-                    found = decoders[record.channel_id].decode(record.data)
+                    value = decoders[record.channel_id].decode(record.data)
                     _require_bounded(record.data)
-                    if isinstance(found, State | Step):
-                        of = getattr(found, "agent", None)
-                        if found.t < (t := newest.setdefault(of, found.t)):
-                            raise ValueError(f"a record of t = {found.t:g} s after one of {t:g} s")
-                        newest[of] = found.t
-                    self.records[type(found)].append(found)
+                    if isinstance(value, State | Step):
+                        of = getattr(value, "agent", None)
+                        if value.t < (t := newest.setdefault(of, value.t)):
+                            raise ValueError(f"a record of t = {value.t:g} s after one of {t:g} s")
+                        newest[of] = value.t
+                    self.records[type(value)].append(value)
                 elif isinstance(record, Metadata) and record.name == "phalanx":
                     self.metadata = record.metadata
                 elif isinstance(record, Metadata) and record.name == MODULES:
@@ -294,14 +294,14 @@ def _records_of(file: bytes) -> Iterator[McapRecord]:
 
     Raises the errors of mcap, zstandard and struct.
     """
-    left = max(_LEAST_ALLOWED, _DENSEST * len(file))
+    allowance = max(_LEAST_ALLOWED, _DENSEST * len(file))
     # From memory: reading a damaged length of a terabyte from a file would allocate as much.
     for record in StreamReader(BytesIO(file), emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
             continue
-        left -= _unpacked(record)
-        if left < 0:
+        allowance -= _unpacked(record)
+        if allowance < 0:
             raise McapError("chunks that unpack to more than a recording holds")
         yield from breakup_chunk(record, validate_crc=True)
 

@@ -79,9 +79,9 @@ def links_table(recording: Recording) -> pl.DataFrame:
         lied = {(sender, k) for sender, k, *_ in step.false}
         for sender, k, delay in step.fates:
             lost, key = delay < 0.0, (sender, k)
-            known = None if lost else delay
+            of_arrival = None if lost else delay
             names = faults.get(key, [])
-            rows.append((sender, step.agent, k, step.t, lost, known, names, key in lied))
+            rows.append((sender, step.agent, k, step.t, lost, of_arrival, names, key in lied))
     schema: dict[str, pl.DataType | type[pl.DataType]] = {
         "sender": pl.String,
         "receiver": pl.String,
@@ -126,8 +126,8 @@ def profile_table(programs: Sequence[TimeSpent], summary: Summary | None) -> pl.
     rows = []
     for spent in programs:
         steps = spent.calls.get("compute") or (summary.steps if summary else 0)
-        left = "rest" if "integrate" in spent.phases else "wait"
-        phases = {**spent.phases, left: spent.wall - added(spent.phases.values())}
+        remainder = "rest" if "integrate" in spent.phases else "wait"
+        phases = {**spent.phases, remainder: spent.wall - added(spent.phases.values())}
         rows += [
             (spent.program, phase, seconds, seconds / spent.wall, seconds / max(steps, 1))
             for phase, seconds in phases.items()

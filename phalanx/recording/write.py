@@ -79,11 +79,11 @@ class RecordingWriter:
     def _add_modules(self, modules: Mapping[str, bytes]) -> str:
         """Attach all of a user's modules; if that fails none, and return the reason."""
         try:
-            found = hashes(modules)
+            digests = hashes(modules)
         except ModulesError as error:
             return str(error)
-        if found:
-            self._writer.add_metadata(MODULES, found)
+        if digests:
+            self._writer.add_metadata(MODULES, digests)
         for path, source in modules.items():
             self._writer.add_attachment(0, 0, path, MEDIA_TYPE, source)
         return ""

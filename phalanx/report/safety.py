@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from phalanx.recording.curves.history import RecordedHistory, ReportHistory
-from phalanx.recording.curves.series import Series, envelope, kept
+from phalanx.recording.curves.series import Series, envelope, extremes
 from phalanx.recording.read import Recording
 from phalanx.report import style
 from phalanx.report.style import LIMIT, NORMAL, PEAK
@@ -61,11 +61,11 @@ def draw_h(axes: Axes, history: ReportHistory) -> None:
     peak = worst(history.recording)
     assert peak is not None
     style.style_axes(axes)
-    states = kept(history.h_tot)
+    states = extremes(history.h_tot)
     axes.plot(
         history.times[states], history.h_tot[states], color=NORMAL, linewidth=1.2, label="$h_{tot}$"
     )
-    states = kept(history.h)
+    states = extremes(history.h)
     t, h = history.times[states], np.where(np.isfinite(history.h), history.h, np.nan)[states]
     axes.plot(t, h, color="#111111", linewidth=0.9, label="largest h of a pair")
     axes.axhline(0.0, color=LIMIT, linewidth=1.2)

@@ -46,7 +46,7 @@ def draw_certified(axes: Axes, history: RecordedHistory) -> None:
     swarm, palette = history.swarm, style.colours(history.scenario)
     style.style_axes(axes)
     every = _curves(history, "certified", swarm.normal)
-    curves = {name: series.known() for name, series in every.items()}
+    curves = {name: series.finite() for name, series in every.items()}
     if curves and style.summarises(history.scenario):
         style.draw_many(axes, curves, lambda y: (y.min(), y.mean()), "normal agents", " τ")
         ratios = np.concatenate([ratio for _, ratio in curves.values()])
@@ -73,7 +73,7 @@ def draw_certified(axes: Axes, history: RecordedHistory) -> None:
 def _curves(history: RecordedHistory, number: str, agents: Sequence[int]) -> dict[str, Series]:
     """A number of these agents' steps as plotted, by name; only of agents of which it is known."""
     every = step_series(history.swarm, number, {i: history.agent(i) for i in agents})
-    return {history.swarm.names[i]: s for i, s in every.items() if len(s.known().t)}
+    return {history.swarm.names[i]: s for i, s in every.items() if len(s.finite().t)}
 
 
 def ages(history: ReportHistory) -> Figure | None:

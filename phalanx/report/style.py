@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from phalanx.recording.curves.series import Envelope, Series, envelope, kept
+from phalanx.recording.curves.series import Envelope, Series, envelope, extremes
 from phalanx.scenario.model import Scenario
 from phalanx.theory.arrays import Array
 
@@ -185,7 +185,7 @@ def draw_line(
     **looks: Any,
 ) -> None:  # fmt: skip
     """Draw a series through its extremes; held: as steps, each value until the next."""
-    peaks = kept(series.y)
+    peaks = extremes(series.y)
     style = "steps-post" if held else "default"
     axes.plot(
         series.t[peaks], series.y[peaks], color=colour, linewidth=width, drawstyle=style, **looks

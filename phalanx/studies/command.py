@@ -65,7 +65,7 @@ def study(
         float | None,
         typer.Option(
             help="Leave out later seeds of a point once its rate of violated runs is known to this "
-            "width, by an interval that holds however often one looks."
+            "width, by a confidence sequence, valid whenever one looks."
         ),
     ] = None,
     out: Annotated[
@@ -122,15 +122,15 @@ def study(
     from phalanx.studies.study import study as run_study
 
     plan = _plan(scenario, seeds, vary, draw, draws, overrides, until_width)
-    kept = out or Path("studies") / plan.name
+    target = out or Path("studies") / plan.name
     if why:
-        return _say_why(plan, kept)
+        return _say_why(plan, target)
     with _refusals(), connected(dask) as (executor, most):
-        found = run_study(
-            plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=True,
+        result = run_study(
+            plan, out=target, workers=workers, executor=executor, confirm=confirm, progress=True,
             chunk=8 if executor else 1, in_flight=most or None,
         )  # fmt: skip
-    return _shown(found)
+    return _print_rates(result)
 
 
 def _plan(
@@ -159,18 +159,18 @@ def _plan(
 
 
 def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for text in texts or ():
         path, separator, values = text.partition("=")
         if not separator or not values:
             raise typer.BadParameter(f"{option} {text}: expected PATH=VALUES")
-        if path in found:
+        if path in fields:
             raise typer.BadParameter(f"{option} {path}: expected every field once")
         try:
-            found[path] = read(values)
+            fields[path] = read(values)
         except ValueError as error:
             raise typer.BadParameter(f"{option} {path}: {error}") from error
-    return found
+    return fields
 
 
 def _say_why(plan: "Plan", folder: Path) -> int:
@@ -190,16 +190,16 @@ def _open(folder: Path | None, row: int | None, record: bool) -> int:
     if folder is None:
         raise typer.BadParameter("open: expected the folder of a study")
     with _refusals():
-        found = open_study(folder)
-        found.frame  # noqa: B018 - read here
+        opened = open_study(folder)
+        opened.frame  # noqa: B018 - read here
     if row is None:
-        return _shown(found)
+        return _print_rates(opened)
     try:
-        echo(found.command(row))
+        echo(opened.command(row))
     except ValueError as error:
         raise typer.BadParameter(f"--row: {error}") from error
     if record:
-        run = found.run(row, out=Path("runs"))
+        run = opened.run(row, out=Path("runs"))
         echo(f"{run.verdict} ({run.folder})")
     return 0
 
@@ -240,7 +240,7 @@ def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
         yield client.get_executor(pure=False), _JOBS_PER_THREAD * max(1, threads)
 
 
-def _shown(found: "Study") -> int:
+def _print_rates(result: "Study") -> int:
     """Print a row for each point, and write the page; return the exit status."""
     from rich.console import Console
 
@@ -248,31 +248,31 @@ def _shown(found: "Study") -> int:
     from phalanx.studies.row import without_effect
 
     table = TextTable(
-        *found.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"
+        *result.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"
     )
-    guaranteed, safe = found.rates("guaranteed"), found.rates("safe")
-    for place, rate in enumerate(found.rates("violated").iter_rows(named=True)):
-        counts = guaranteed["guaranteed"][place], safe["safe"][place], rate["violated"]
+    guaranteed, safe = result.rates("guaranteed"), result.rates("safe")
+    for point, rate in enumerate(result.rates("violated").iter_rows(named=True)):
+        counts = guaranteed["guaranteed"][point], safe["safe"][point], rate["violated"]
         table.add_row(
-            *(str(rate[axis]) for axis in found.axes),
+            *(str(rate[axis]) for axis in result.axes),
             str(rate["runs"]),
             *map(str, counts),
             f"{rate['low']:.3f} to {rate['high']:.3f}",
             str(rate["runs"] - sum(counts)),
         )
     Console().print(table)
-    for line in without_effect(found.frame, found.axes):
+    for line in without_effect(result.frame, result.axes):
         echo(line)
-    repeated = found.frame["confirmed"].drop_nulls()
+    repeated = result.frame["confirmed"].drop_nulls()
     if len(repeated):
         same = "with the same trajectory" if repeated.all() else "and NOT all have their trajectory"
         echo(f"{len(repeated)} runs were repeated as processes, {same}")
-    refused = found.outcomes["refused"]
+    refused = result.outcomes["refused"]
     if refused:
         echo(f"{refused} runs were refused: their scenario is not valid; reasons are in the page")
-    if found.missing:
-        echo(f"{found.missing} of {found.plan.size} runs have no row")
-    echo(f"page: {found.page()}")
-    if broken := found.outcomes["broken"]:
-        echo_error(f"broken: {broken} of {found.plan.size} runs, see the page; run it again")
+    if result.missing:
+        echo(f"{result.missing} of {result.plan.size} runs have no row")
+    echo(f"page: {result.page()}")
+    if broken := result.outcomes["broken"]:
+        echo_error(f"broken: {broken} of {result.plan.size} runs, see the page; run it again")
     return 3 if broken else 0

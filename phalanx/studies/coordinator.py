@@ -42,8 +42,8 @@ class Inventory:
         """Identity and outcome of the newest row, by overrides as JSON and seed."""
         self._keys = set[str]()
         """Of rows that may be used again, under any overrides."""
-        for known in store.known():
-            self.add(*known)
+        for entry in store.entries():
+            self.add(*entry)
 
     def add(self, identity: Identity, overrides: str, outcome: str) -> None:
         """Take a row that was stored; overrides: as JSON."""
@@ -98,15 +98,15 @@ def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str
 def missing_by_reason(plan: Plan, store: Store) -> Counter[str]:
     """Count a plan's runs that have no row of use, by the reason. Raises StudyError."""
     inventory = Inventory(store)
-    found: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
     for _, cases in groupby(plan.cases(), key=lambda case: case.point.number):
         first = next(cases)
         identity, *_ = identity_of(plan, first)
         for case in (first, *cases):
             reason = inventory.reason(identity._replace(seed=case.seed), case.point.overrides)
             if reason is not None:
-                found[reason] += 1
-    return found
+                reasons[reason] += 1
+    return reasons
 
 
 class StudyProgress(NamedTuple):
@@ -131,7 +131,7 @@ class _PointState:
     def __init__(self, point: Point, seeds: int) -> None:
         self.point = point
         self._outcomes: list[str | None] = [None] * seeds
-        self._known = 0
+        self._prefix = 0
         """Number of runs whose outcome and all before are known."""
         self._next_look = 1
         self._narrow = False
@@ -139,16 +139,16 @@ class _PointState:
     def add(self, place: int, outcome: str) -> None:
         """Take the outcome of the run with the seed at this place."""
         self._outcomes[place] = outcome
-        while self._known < len(self._outcomes) and self._outcomes[self._known] is not None:
-            self._known += 1
+        while self._prefix < len(self._outcomes) and self._outcomes[self._prefix] is not None:
+            self._prefix += 1
 
     def narrow(self, width: float | None) -> bool:
         """Return whether the rate of violated runs is known to this width."""
-        if width is not None and not self._narrow and self._known >= self._next_look:
+        if width is not None and not self._narrow and self._prefix >= self._next_look:
             # Each look costs as much as there are runs; the table of rows finds the exact one.
-            self._next_look = self._known + 1 + self._known // 50
-            known = [each for each in self._outcomes[: self._known] if each != REFUSED]
-            violated = [each == Outcome.VIOLATED for each in known]
+            self._next_look = self._prefix + 1 + self._prefix // 50
+            outcomes = [each for each in self._outcomes[: self._prefix] if each != REFUSED]
+            violated = [each == Outcome.VIOLATED for each in outcomes]
             self._narrow = runs_until_width(violated, width) is not None
         return self._narrow
 
@@ -230,8 +230,8 @@ class Coordinator:
         if row.outcome in _SURPRISING and self._surprises < _MOST_SURPRISES:
             self._surprises += 1
             return True
-        drawn = Draws(0, "confirm", row.identity.key).value(0)
-        return drawn < self._share
+        share = Draws(0, "confirm", row.identity.key).value(0)
+        return share < self._share
 
     def _take_confirmed(self, row: Row, again: Row) -> None:
         """Store a row again with the result of its run as processes."""

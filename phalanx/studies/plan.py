@@ -69,7 +69,7 @@ class Plan(Strict):
     """Number of draws, each with every seed; 1 by default."""
     until_width: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Leave out the later seeds of a point once its rate of violated runs is known to this width,
-    by an interval that holds however often one looks; by default none is left out."""
+    by a confidence sequence, which is valid whenever one looks; by default none is left out."""
     draw_seed: Seed = 0
     """Seed of the draws: draw 731 is the same in every study with this seed and field."""
 
@@ -143,13 +143,13 @@ class Plan(Strict):
     def point(self, number: int) -> Point:
         """Return the point of this number."""
         rest, draw = divmod(number, self.draws or 1)
-        grid, given = divmod(rest, max(1, len(self.points)))
-        chosen = dict(self.points[given]) if self.points else {}
-        drawn = {
+        grid, entry = divmod(rest, max(1, len(self.points)))
+        chosen = dict(self.points[entry]) if self.points else {}
+        draws = {
             path: distribution.at(Draws(self.draw_seed, "study", path).value(draw))
             for path, distribution in self.draw.items()
         }
-        axes = {**self._grid[grid], **chosen, **drawn}
+        axes = {**self._grid[grid], **chosen, **draws}
         return Point(number, axes, {**self.overrides, **axes})
 
     def cases(self) -> Iterator[Case]:
@@ -157,15 +157,15 @@ class Plan(Strict):
         seeds = len(self.seeds)
         for number in range(self.points_count):
             point = self.point(number)
-            for place, seed in enumerate(self.seeds):
-                yield Case(number * seeds + place, point, seed)
+            for rank, seed in enumerate(self.seeds):
+                yield Case(number * seeds + rank, point, seed)
 
     def case(self, index: int) -> Case:
         """Return the run of this index. Raises ValueError if there is none."""
         if not 0 <= index < self.size:
             raise ValueError(f"row: expected 0 to {self.size - 1}, got {index}")
-        number, place = divmod(index, len(self.seeds))
-        return Case(index, self.point(number), self.seeds[place])
+        number, rank = divmod(index, len(self.seeds))
+        return Case(index, self.point(number), self.seeds[rank])
 
     @cached_property
     def table(self) -> dict[str, Any]:
@@ -240,9 +240,9 @@ def seeds_from(text: str) -> tuple[int, ...]:
     """
     seeds: list[int] = []
     for part in text.split(","):
-        if not (found := re.fullmatch(r"\s*(\d+)(?::(\d+))?\s*", part)):
+        if not (match := re.fullmatch(r"\s*(\d+)(?::(\d+))?\s*", part)):
             raise field_error(("seeds",), "expected seeds as 0:200 or 1,2,5", text)
-        first, end = int(found[1]), int(found[2] or int(found[1]) + 1)
+        first, end = int(match[1]), int(match[2] or int(match[1]) + 1)
         if not first < end <= first + 10**7:
             raise field_error(("seeds",), "expected a first seed and a larger end", part.strip())
         seeds += range(first, end)
@@ -263,11 +263,11 @@ def values_from(text: str) -> list[Any]:
 
 def distribution_from(text: str) -> dict[str, Any]:
     """Read a distribution, as "uniform(0,1)" or "choice(paper,split)". Raises ValueError."""
-    found = re.fullmatch(r"\s*(uniform|log-uniform|choice)\((.*)\)\s*", text)
-    if not found:
+    match = re.fullmatch(r"\s*(uniform|log-uniform|choice)\((.*)\)\s*", text)
+    if not match:
         raise ValueError(f"expected uniform(a,b), log-uniform(a,b) or choice(a,b,...), got {text}")
-    values = values_from(found[2])
-    return {found[1]: values if found[1] == "choice" else _numbers(values, text)}
+    values = values_from(match[2])
+    return {match[1]: values if match[1] == "choice" else _numbers(values, text)}
 
 
 def _numbers(values: Sequence[Any], text: str) -> list[float]:

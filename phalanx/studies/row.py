@@ -67,7 +67,7 @@ def row_of(
     swarm: Swarm,
 ) -> Row:  # fmt: skip
     """Return the row of a run that went to its verdict. Raises MistakenMethodError."""
-    found = summary.certificates
+    certificates = summary.certificates
     return Row(
         identity=identity,
         overrides=overrides,
@@ -78,9 +78,9 @@ def row_of(
         worst_at=summary.worst_at,
         worst_pair=summary.worst_pair,
         first_violation=min((each.first for each in summary.violations), default=None),
-        certified=found.certified / found.samples if found.samples else None,
-        shortest=found.shortest,
-        uncovered_at=found.uncovered_at,
+        certified=certificates.certified / certificates.samples if certificates.samples else None,
+        shortest=certificates.shortest,
+        uncovered_at=certificates.uncovered_at,
         empty=summary.origins.get(Origin.BACKUP, 0) + summary.origins.get(Origin.NO_AUTHORITY, 0),
         faults=", ".join(fault.name for fault in summary.faults if fault.count),
         metrics=metrics_of(recording, swarm)[SWARM],

@@ -192,5 +192,5 @@ def conformal_bound(values: ArrayLike, share: float) -> float:
     2005). Infinite if there are fewer values than share / (1 - share).
     """
     x = np.sort(np.asarray(values, dtype=float))
-    place = math.ceil((len(x) + 1) * share - _EXACT)
-    return float(x[place - 1]) if 0 < place <= len(x) else math.inf
+    rank = math.ceil((len(x) + 1) * share - _EXACT)
+    return float(x[rank - 1]) if 0 < rank <= len(x) else math.inf

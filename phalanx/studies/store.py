@@ -57,8 +57,8 @@ class Store(contextlib.AbstractContextManager["Store"]):
         self._lock()
         self._journalled()  # which is refused before anything is replaced
         _replace(self.folder / name, declaration.encode())
-        known = {**self._versions(), versions(): versions_of_libraries()}
-        _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(known)))
+        recorded = {**self._versions(), versions(): versions_of_libraries()}
+        _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(recorded)))
         _replace(self.folder / _JOURNAL, self._lines())
         return self
 
@@ -107,7 +107,7 @@ class Store(contextlib.AbstractContextManager["Store"]):
                 os.truncate(file, size)
             raise
 
-    def known(self) -> Iterator[tuple[Identity, str, str]]:
+    def entries(self) -> Iterator[tuple[Identity, str, str]]:
         """Yield the identity, the overrides as JSON and the outcome of every row that is there."""
         columns = ["scenario", "seed", "modules", "versions", "overrides", "outcome"]
         for *parts, overrides, outcome in self.frame().select(columns).iter_rows():
@@ -115,8 +115,8 @@ class Store(contextlib.AbstractContextManager["Store"]):
 
     def describe(self, changed: list[str], before: Identity, now: Identity) -> str:
         """Name the inputs that changed; of versions, which."""
-        known = self._versions()
-        old, new = known.get(before.versions, {}), known.get(now.versions, {})
+        recorded = self._versions()
+        old, new = recorded.get(before.versions, {}), recorded.get(now.versions, {})
         differ = [name for name in sorted(old | new) if old.get(name) != new.get(name)]
         libraries = ", ".join(
             "Phalanx's sources"
@@ -130,12 +130,12 @@ class Store(contextlib.AbstractContextManager["Store"]):
 
     def _versions(self) -> dict[str, dict[str, str]]:
         try:
-            found = msgspec.json.decode(
+            table = msgspec.json.decode(
                 (self.folder / _VERSIONS).read_bytes(), type=dict[str, dict[str, str]]
             )
         except (OSError, msgspec.DecodeError):
             return {}
-        return found
+        return table
 
     def frame(self) -> pl.DataFrame:
         """Return all rows, the newest last. Raises StudyError if a file is of another version."""
@@ -146,14 +146,14 @@ class Store(contextlib.AbstractContextManager["Store"]):
 
     def _read(self, file: Path) -> pl.DataFrame:
         try:
-            found = pl.read_parquet(file)
+            rows = pl.read_parquet(file)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise StudyError(f"{file}: not the rows of a study ({error})") from error
-        if "overrides" in found.columns:
-            found = found.drop(fields_of(found).columns, strict=False)
-        if dict(found.schema) != SCHEMA:
-            raise _of_another_version(file, found.columns)
-        return found
+        if "overrides" in rows.columns:
+            rows = rows.drop(fields_of(rows).columns, strict=False)
+        if dict(rows.schema) != SCHEMA:
+            raise _of_another_version(file, rows.columns)
+        return rows
 
     def _lines(self) -> bytes:
         """Return the journal; a torn last line, of a program that died, is dropped."""

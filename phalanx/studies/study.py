@@ -105,7 +105,7 @@ def study(
     with (
         Store(folder).open(plan) as store,
         Computing(executor, workers) as computing,
-        _shown(plan, progress) as show,
+        _display(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
         Coordinator(plan, store, computing, most, chunk, confirm, show).run()
@@ -118,18 +118,18 @@ def open_study(folder: str | Path) -> "Study":
 
 
 @contextmanager
-def _shown(plan: Plan, progress: Progress | bool) -> Iterator[Progress]:
+def _display(plan: Plan, progress: Progress | bool) -> Iterator[Progress]:
     """Yield the function to call with the progress; True: shows it while the block runs."""
     if progress is not True:
         yield progress or silent
         return
     with progress_of_runs(plan.size) as show:
 
-        def shown(found: StudyProgress) -> None:
-            counts = (f"{n} {outcome}" for outcome, n in found.outcomes.most_common())
-            show(plan.name, found.done, ", ".join(counts))
+        def update(state: StudyProgress) -> None:
+            counts = (f"{n} {outcome}" for outcome, n in state.outcomes.most_common())
+            show(plan.name, state.done, ", ".join(counts))
 
-        yield shown
+        yield update
 
 
 class Computing:
@@ -189,25 +189,25 @@ class Study:
         )
         rows = Store(self.folder).frame()
         latest = rows.unique(["overrides", "seed"], keep="last", maintain_order=True)
-        found = cases.join(table, on="point").join(
+        frame = cases.join(table, on="point").join(
             latest, on=["overrides", "seed"], suffix="_acted"
         )
-        return self._until_narrow(found.sort("index")).drop("scenario", "modules", "versions")
+        return self._until_narrow(frame.sort("index")).drop("scenario", "modules", "versions")
 
     def _until_narrow(self, frame: pl.DataFrame) -> pl.DataFrame:
         """Leave out what was computed after a point's rate was known to the plan's width."""
         if self.plan.until_width is None:
             return frame
-        kept, seeds = [], len(self.plan.seeds)
+        parts, seeds = [], len(self.plan.seeds)
         for _, rows in frame.group_by("point", maintain_order=True):
             # Up to the first gap, which an unfinished study has: long runs end late.
-            places = (rows["index"] % seeds).to_list()
-            whole = rows.head(sum(place == n for n, place in enumerate(places)))
+            ranks = (rows["index"] % seeds).to_list()
+            whole = rows.head(sum(place == n for n, place in enumerate(ranks)))
             began = (whole["outcome"] != REFUSED).arg_true().to_list()
             violated = (whole["outcome"][began] == Outcome.VIOLATED).to_list()
             enough = runs_until_width(violated, self.plan.until_width)
-            kept.append(whole.head(len(whole) if enough is None else began[enough - 1] + 1))
-        return pl.concat(kept) if kept else frame
+            parts.append(whole.head(len(whole) if enough is None else began[enough - 1] + 1))
+        return pl.concat(parts) if parts else frame
 
     @property
     def outcomes(self) -> Counter[str]:
@@ -237,14 +237,14 @@ class Study:
         runs = counted(self.frame)
         grouped = runs.group_by(axes, maintain_order=True) if axes else [((), runs)]
         anytime = self.plan.until_width is not None
-        found = []
+        rates = []
         for values, rows in grouped:
             hits = (rows["outcome"] == outcome).to_numpy()
             share, (low, high), n = rate(hits, rows["seed"].to_numpy(), anytime, level)
             named = dict(zip(axes, values, strict=True))
             counts = {"runs": n, outcome: round(share * n)}
-            found.append({**named, **counts, "rate": share, "low": low, "high": high})
-        return pl.DataFrame(found)
+            rates.append({**named, **counts, "rate": share, "low": low, "high": high})
+        return pl.DataFrame(rates)
 
     def run(
         self, index: int, *, engine: str = DEFAULT_ENGINE, out: str | Path | None = None

@@ -51,8 +51,8 @@ def confirm(job: Job) -> list[Row]:
         make_importable(job.modules, hashes(job.modules), trust=True)
         run = phalanx.run(load(job.table, job.overrides, identity.seed), engine="processes")
         assert run.summary is not None
-        found = swarm_of(run.recording)
-        return [row_of(identity, job.overrides, run.summary, run.recording, found)]
+        swarm = swarm_of(run.recording)
+        return [row_of(identity, job.overrides, run.summary, run.recording, swarm)]
 
 
 Work = Callable[[Job, Identity, SafetyRows], Row]

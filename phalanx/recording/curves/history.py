@@ -182,11 +182,11 @@ class RecordedHistory(History):
     @cached_property
     def trajectory(self) -> Array:
         """Output points in space [m], shape (s, N, 3); z = 0 in the plane."""
-        found = np.zeros((len(self.x), len(self.swarm.names), 3))
-        for place, x in enumerate(self.x):
+        points = np.zeros((len(self.x), len(self.swarm.names), 3))
+        for state, x in enumerate(self.x):
             positions = self.swarm.positions(x)
-            found[place, :, : positions.shape[1]] = positions
-        return found
+            points[state, :, : positions.shape[1]] = positions
+        return points
 
     @property
     def positions(self) -> Array:
@@ -198,10 +198,10 @@ class RecordedHistory(History):
 
         0 from a limit, which is everywhere.
         """
-        own = self.positions[:, pair.a]
+        points = self.positions[:, pair.a]
         if (obstacle := pair.b - len(self.swarm.members)) >= 0:
-            return self.scenario.static[obstacle].distances(own)
-        between: Array = np.linalg.norm(own - self.positions[:, pair.b], axis=1)
+            return self.scenario.static[obstacle].distances(points)
+        between: Array = np.linalg.norm(points - self.positions[:, pair.b], axis=1)
         return between
 
     @cached_property
@@ -231,11 +231,11 @@ class RecordedHistory(History):
 
 def _condition_changes(recording: Recording) -> list[ConditionChange]:
     faults = FaultState(tuple(name for name, _, _ in recording.scenario.roster()))
-    found = []
+    changes = []
     for command in recording.commands:
         if (i := faults.apply(command)) is not None:
-            found.append(ConditionChange(command.t, i, faults.condition[i]))
-    return found
+            changes.append(ConditionChange(command.t, i, faults.condition[i]))
+    return changes
 
 
 def smallest_distance(swarm: Swarm, positions: Array) -> float:

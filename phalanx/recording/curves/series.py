@@ -33,7 +33,7 @@ class Series(NamedTuple):
     t: Array
     y: Array
 
-    def known(self) -> "Series":
+    def finite(self) -> "Series":
         """The values that are not NaN."""
         found = np.isfinite(self.y)
         return Series(self.t[found], self.y[found])
@@ -43,7 +43,9 @@ class Series(NamedTuple):
         return Series(np.append(self.t, [until] * len(self.t[-1:])), np.append(self.y, self.y[-1:]))
 
 
-def kept(y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bool = True) -> Index:
+def extremes(
+    y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bool = True
+) -> Index:
     """Choose the values of y, shape (s,), through which it is drawn, by index; NaN is a gap.
 
     most: number of values kept. highest, lowest: whether the largest, the smallest value of every
@@ -52,14 +54,14 @@ def kept(y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bo
     if len(y) <= most:
         return np.arange(len(y))
     size = -(-len(y) // ((most - 2) // (highest + lowest)))
-    places = np.minimum(np.arange(-(-len(y) // size) * size), len(y) - 1).reshape(-1, size)
-    values, rows = y[places], np.arange(len(places))
-    found = [np.array([0, len(y) - 1])]
+    blocks = np.minimum(np.arange(-(-len(y) // size) * size), len(y) - 1).reshape(-1, size)
+    values, rows = y[blocks], np.arange(len(blocks))
+    chosen = [np.array([0, len(y) - 1])]
     if highest:
-        found.append(places[rows, np.where(np.isnan(values), -np.inf, values).argmax(axis=1)])
+        chosen.append(blocks[rows, np.where(np.isnan(values), -np.inf, values).argmax(axis=1)])
     if lowest:
-        found.append(places[rows, np.where(np.isnan(values), np.inf, values).argmin(axis=1)])
-    return np.unique(np.concatenate(found))
+        chosen.append(blocks[rows, np.where(np.isnan(values), np.inf, values).argmin(axis=1)])
+    return np.unique(np.concatenate(chosen))
 
 
 class Envelope(NamedTuple):
@@ -77,8 +79,8 @@ def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
     An interval holds two values of each curve, about: with one, clocks that jitter would leave a
     curve out of some.
     """
-    known = [s.known() for s in curves] or [Series(np.zeros(0), np.zeros(0))]
-    t, values = (np.concatenate(c) for c in zip(*known, strict=True))
+    finite = [s.finite() for s in curves] or [Series(np.zeros(0), np.zeros(0))]
+    t, values = (np.concatenate(c) for c in zip(*finite, strict=True))
     if not len(t):
         return Envelope(np.zeros((0, 2)), np.zeros((len(QUANTILES), 0)))
     intervals = max(1, min(int(np.median([len(s.t) for s in curves])) // 2, most))
@@ -87,16 +89,16 @@ def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
     interval = np.minimum(at, intervals - 1)
     # Of small integers a stable sort is a radix sort, and a few ranks need no sorted values.
     order = np.argsort(interval, kind="stable")
-    found, begin = np.unique(interval[order], return_index=True)
+    filled, begin = np.unique(interval[order], return_index=True)
 
     def ranked(of_interval: Array) -> Array:
         """The values nearest to QUANTILES."""
         ranks = np.round(np.array(QUANTILES) * (len(of_interval) - 1)).astype(int)
-        found: Array = np.partition(of_interval, ranks)[ranks]
-        return found
+        values: Array = np.partition(of_interval, ranks)[ranks]
+        return values
 
-    each = [ranked(of_interval) for of_interval in np.split(values[order], begin[1:])]
-    return Envelope(np.stack([edges[found], edges[found + 1]], axis=1), np.array(each).T)
+    quantiles = [ranked(of_interval) for of_interval in np.split(values[order], begin[1:])]
+    return Envelope(np.stack([edges[filled], edges[filled + 1]], axis=1), np.array(quantiles).T)
 
 
 def step_series(swarm: Swarm, name: str, steps: Mapping[int, AgentSeries]) -> dict[int, Series]:
@@ -143,9 +145,9 @@ class InputCurve(NamedTuple):
 
 def input_curves(swarm: Swarm, i: int, steps: AgentSeries) -> list[InputCurve]:
     """Every component of agent i's inputs."""
-    dynamics, known = swarm.members[i].dynamics, input_polytope(swarm, i)
+    dynamics, polytope = swarm.members[i].dynamics, input_polytope(swarm, i)
     unknown = [(None, None)] * len(dynamics.inputs)
-    bounds = [(min(c), max(c)) for c in known.corners.T.tolist()] if known else unknown
+    bounds = [(min(c), max(c)) for c in polytope.corners.T.tolist()] if polytope else unknown
     input_units = units(dynamics).inputs
     return [
         InputCurve(
@@ -217,19 +219,19 @@ def zoom_window(steps: Sequence[AgentSeries], worst: float, end: float) -> tuple
 
 def _states(steps: AgentSeries, tau: float, edges: Array, now: float) -> Index:
     """Find the gravest state in each interval, as a place in LANE_STATES."""
-    found = np.zeros(len(edges) - 1, dtype=np.intp)
+    states = np.zeros(len(edges) - 1, dtype=np.intp)
     until = np.append(steps.sampled[1:], now)
     for k in np.flatnonzero((steps.empty > 0.0) | (until - steps.sampled > 1.5 * tau)):
         begin, end, code = steps.sampled[k], until[k], steps.empty[k]
         if code:
             kind = next(kind for kind, value in EMPTY_CODES.items() if value == code)
-            _mark(found, edges, begin, min(end, begin + tau), LANE_STATES.index(kind))
+            _mark(states, edges, begin, min(end, begin + tau), LANE_STATES.index(kind))
         if end - begin > 1.5 * tau:
-            _mark(found, edges, begin + tau, end, _SILENT)
-    return found
+            _mark(states, edges, begin + tau, end, _SILENT)
+    return states
 
 
-def _mark(found: Index, edges: Array, begin: float, end: float, state: int) -> None:
+def _mark(states: Index, edges: Array, begin: float, end: float, state: int) -> None:
     first = max(int(np.searchsorted(edges, begin, side="right")) - 1, 0)
     cells = slice(first, max(int(np.searchsorted(edges, end)), first + 1))
-    found[cells] = np.maximum(found[cells], state)
+    states[cells] = np.maximum(states[cells], state)

@@ -25,8 +25,8 @@ class SafetyValues:
         """Pairs with h > 0, the largest h first; they have a normal agent that did not turn."""
         h = self.every_h(x, turned)
         # What is not a number is not safe either.
-        found = np.flatnonzero(~(h <= 0.0))
-        largest_first: Index = found[np.argsort(-h[found], kind="stable")]
+        indices = np.flatnonzero(~(h <= 0.0))
+        largest_first: Index = indices[np.argsort(-h[indices], kind="stable")]
         return largest_first
 
     def every_h(self, x: Array, turned: Collection[int] = ()) -> Array:
@@ -34,7 +34,7 @@ class SafetyValues:
 
         It is -inf of a pair without a normal agent, as these agents turned adversary.
         """
-        h = self._every.h(x)[self._places]
+        h = self._every.h(x)[self._indices]
         return np.where(self.rows.swarm.without_normal(turned), -np.inf, h) if turned else h
 
     def worst_pair(self, x: Array, turned: Collection[int] = ()) -> int:
@@ -70,6 +70,6 @@ class SafetyValues:
         return pairs.choose(pairs.every)
 
     @cached_property
-    def _places(self) -> Index:
+    def _indices(self) -> Index:
         """Places of the composed set's pairs in the values of `_every`."""
         return np.argsort(self._every.order)

@@ -75,10 +75,10 @@ def input_deviation(inputs: InputSeries) -> float | None:
 
     Before its projection a nominal input may lie outside the bounds of the input.
     """
-    apart = length(inputs.u - inputs.u_nom)
-    known = np.isfinite(apart)
-    duration = float(inputs.duration[known].sum())
-    return float(dot(inputs.duration[known], apart[known])) / duration if duration else None
+    deviation = length(inputs.u - inputs.u_nom)
+    finite = np.isfinite(deviation)
+    duration = float(inputs.duration[finite].sum())
+    return float(dot(inputs.duration[finite], deviation[finite])) / duration if duration else None
 
 
 def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -> float:
@@ -96,12 +96,12 @@ def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -
     if steps < _WINDOW:
         return 0.0
     grid = t[0] + step * np.arange(steps + 1)
-    places = np.column_stack([np.interp(grid, t, axis) for axis in position.T])
+    points = np.column_stack([np.interp(grid, t, axis) for axis in position.T])
     stretches = len(grid) - _WINDOW
     moved = np.zeros(stretches)
     for later in range(1, _WINDOW + 1):
-        apart = length(places[later : later + stretches] - places[:stretches])
-        np.maximum(moved, apart, out=moved)
+        distance = length(points[later : later + stretches] - points[:stretches])
+        np.maximum(moved, distance, out=moved)
     away = sliding_window_view(np.interp(grid, t, error), _WINDOW + 1).min(axis=1)
     stuck = (moved <= limits.still) & (away > limits.arrival)
     covered = np.convolve(stuck, np.ones(_WINDOW)) > 0
@@ -126,9 +126,9 @@ def metrics_of_agents(
             {
                 **_task(swarm, i, t, states, p[:, i], limits),
                 **_distances(swarm, i, p),
-                **_inputs(own, len(swarm.members[i].dynamics.inputs), end),
+                **_inputs(of_agent, len(swarm.members[i].dynamics.inputs), end),
             }
-            for i, own in enumerate(steps)
+            for i, of_agent in enumerate(steps)
         ]
 
 
@@ -145,17 +145,17 @@ def _task(
     goal = swarm.goal(i)
     desired = [goal(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
     error = length(p - np.array(desired))
-    found: dict[str, Value] = {
+    metrics: dict[str, Value] = {
         "tracking_error_mean": mean_over_time(t, error),
         "tracking_error_final": float(error[-1]),
         "deadlock_time": deadlock_time(t, p, error, limits),
     }
     rest = goal.end()
     if rest is None:
-        return found
+        return metrics
     distance = length(p - rest)
     arrival = arrival_time(t, distance, limits.arrival)
-    return found | {
+    return metrics | {
         "distance_to_goal": float(distance[-1]),
         "arrived": arrival is not None,
         "arrival_time": arrival,

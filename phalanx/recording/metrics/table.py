@@ -57,21 +57,21 @@ def metrics_of(
 
     Raises MistakenMethodError of a user's reference.
     """
-    found = metrics_of_agents(recording, swarm, limits or Thresholds())
-    complete = [{name: agent.get(name) for name in METRICS} for agent in found]
+    metrics = metrics_of_agents(recording, swarm, limits or Thresholds())
+    complete = [{name: agent.get(name) for name in METRICS} for agent in metrics]
     normal = [complete[i] for i in swarm.normal]
     return dict(zip(swarm.names, complete, strict=True)) | {SWARM: _of_swarm(normal)}
 
 
 def _of_swarm(normal: Sequence[Mapping[str, Value]]) -> dict[str, Value]:
     """Combine the normal agents' metrics; None are left out, but for a time of arrival."""
-    found: dict[str, Value] = {}
+    combined: dict[str, Value] = {}
     for name, metric in METRICS.items():
         values = [agent[name] for agent in normal if agent[name] is not None]
-        found[name] = metric.of_swarm(values) if values else None
-    if not found["arrived"]:
-        found["arrival_time"] = None
-    return found
+        combined[name] = metric.of_swarm(values) if values else None
+    if not combined["arrived"]:
+        combined["arrival_time"] = None
+    return combined
 
 
 class Recorded(Protocol):
@@ -87,14 +87,14 @@ R = TypeVar("R", bound=Recorded)
 def of(
     run: R,
     limits: Thresholds | None = None,
-    **own: Callable[[R], float | Mapping[str, float]],
+    **extra: Callable[[R], float | Mapping[str, float]],
 ) -> "pl.DataFrame":
     """Return a run's metrics: a row for each agent, and one for the swarm of its normal agents.
 
     Args:
         run: a finished run.
         limits: what counts as arrived and as a deadlock.
-        own: metrics of your own by name. Each is called with the run, and returns a number of the
+        extra: metrics of your own by name. Each is called with the run, and returns a number of the
             swarm, or numbers by agent's name.
 
     Raises:
@@ -102,7 +102,7 @@ def of(
         ValueError: a metric of your own has the name of another column, or returns something else.
     """
     swarm = swarm_of(run.recording)
-    values = {name: _of_own(name, function(run), swarm.names) for name, function in own.items()}
+    values = {name: _of_own(name, function(run), swarm.names) for name, function in extra.items()}
     return metrics_table(run.recording, swarm, limits, values)
 
 
@@ -110,24 +110,24 @@ def metrics_table(
     recording: Recording,
     swarm: Swarm,
     limits: Thresholds | None = None,
-    own: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    extra: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> "pl.DataFrame":
-    """Return the metrics as a data frame; own: more of them by name, by agent."""
+    """Return the metrics as a data frame; extra: more of them by name, by agent."""
     with extras_named():
         import polars as pl
     from phalanx.recording.tables import of_run
 
-    found = metrics_of(recording, swarm, limits)
-    for name, values in own.items():
-        for agent, row in found.items():
+    metrics = metrics_of(recording, swarm, limits)
+    for name, values in extra.items():
+        for agent, row in metrics.items():
             row[name] = values.get(agent)
     roles = ["adversary" if member.adversary else "normal" for member in swarm.members]
     rows = [
         {"agent": agent, "role": role, **values}
-        for (agent, values), role in zip(found.items(), [*roles, SWARM], strict=True)
+        for (agent, values), role in zip(metrics.items(), [*roles, SWARM], strict=True)
     ]
     kinds = {"agent": pl.String, "role": pl.String, "arrived": pl.Boolean}
-    columns = ("agent", "role", *METRICS, *own)
+    columns = ("agent", "role", *METRICS, *extra)
     table = pl.DataFrame(rows, schema={name: kinds.get(name, pl.Float64) for name in columns})
     return of_run(recording, table)
 
@@ -171,11 +171,11 @@ def metric_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, .
 
 def swarm_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, str]]:
     """Return each metric of the swarm by title; none if it has no value."""
-    found = metrics[SWARM]
+    swarm = metrics[SWARM]
     return [
-        (title, _number(found[name]))
+        (title, _number(swarm[name]))
         for (name, title) in zip(METRICS, METRIC_HEAD[1:], strict=True)
-        if found[name] is not None
+        if swarm[name] is not None
     ]
 
 

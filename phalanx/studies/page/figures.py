@@ -44,10 +44,10 @@ def rates_figure(axis: str, groups: Sequence[Group], outcomes: Sequence[str]) ->
     """Draw the rate of each outcome with its interval, over the values of an axis."""
     figure, (axes,) = panels(1, 3.2)
     for number, outcome in enumerate(outcomes):
-        known = [(i, each.rates[outcome]) for i, each in enumerate(groups) if len(each.rows)]
-        share = np.array([rate.share for _, rate in known])
-        ends = np.array([rate.interval for _, rate in known]).T
-        x = np.array([i for i, _ in known]) + 0.09 * (number - (len(outcomes) - 1) / 2)
+        points = [(i, each.rates[outcome]) for i, each in enumerate(groups) if len(each.rows)]
+        share = np.array([rate.share for _, rate in points])
+        ends = np.array([rate.interval for _, rate in points]).T
+        x = np.array([i for i, _ in points]) + 0.09 * (number - (len(outcomes) - 1) / 2)
         colour, marker = _LOOKS[Outcome(outcome)]
         # Betting may leave the observed mean just outside.
         reach = np.maximum([share - ends[0], ends[1] - share], 0.0)
@@ -86,14 +86,14 @@ def heat_figure(
 def distribution_figure(groups: Sequence[Group]) -> Figure:
     """Draw the distribution of the worst h, with a band that holds everywhere at once."""
     figure, (axes,) = panels(1, 3.2)
-    for each, colour in zip(groups, _CURVES, strict=False):
-        values = one_of_each_seed(each.rows)
+    for group, colour in zip(groups, _CURVES, strict=False):
+        values = one_of_each_seed(group.rows)
         band = dkw_band(values)
         if not len(values):
             continue
-        shown = np.unique(np.linspace(0, len(values) - 1, _MOST_STEPS).astype(int))
-        x, share, low, high = (part[shown] for part in band)
-        label = f"{short(each.label)}: {len(values)} runs"
+        steps = np.unique(np.linspace(0, len(values) - 1, _MOST_STEPS).astype(int))
+        x, share, low, high = (part[steps] for part in band)
+        label = f"{short(group.label)}: {len(values)} runs"
         axes.step(x, share, where="post", color=colour, linewidth=1.4, label=label)
         axes.fill_between(x, low, high, step="post", color=colour, alpha=0.18, linewidth=0.0)
     _safety(axes)
@@ -108,10 +108,10 @@ def one_of_each_seed(runs: pl.DataFrame) -> Array:
 
     Runs under one seed only are independent already.
     """
-    known = runs.drop_nulls("worst_h")
-    of_seed = known.group_by("seed", maintain_order=True).agg("worst_h")
+    ended = runs.drop_nulls("worst_h")
+    of_seed = ended.group_by("seed", maintain_order=True).agg("worst_h")
     if len(of_seed) <= 1:
-        return known["worst_h"].to_numpy()
+        return ended["worst_h"].to_numpy()
     chosen = [
         values[int(len(values) * Draws(seed, "run of a seed").value(0))]
         for seed, values in of_seed.iter_rows()
@@ -129,12 +129,12 @@ class Point(NamedTuple):
 
 def front(points: Sequence[Point]) -> list[Point]:
     """Return the points than which no other is as good in one and better in the other."""
-    best, found = np.inf, []
+    best, best_points = np.inf, []
     for point in sorted(points, key=lambda point: (point.worst_h, point.cost)):
         if point.cost < best:
             best = point.cost
-            found.append(point)
-    return found
+            best_points.append(point)
+    return best_points
 
 
 def cost_figure(points: Sequence[Point], cost: str) -> Figure:

@@ -54,8 +54,8 @@ def labels(values: pl.Series) -> tuple[list[str], pl.Series]:
         several = several.sort()
     number = {value: i for i, value in enumerate(several)}
     names = [in_words(value) for value in several]
-    found = pl.Series([number.get(value, len(number)) for value in values], dtype=pl.Int64)
-    return ([*names, _OTHERS] if (found == len(number)).any() else names), found
+    of_row = pl.Series([number.get(value, len(number)) for value in values], dtype=pl.Int64)
+    return ([*names, _OTHERS] if (of_row == len(number)).any() else names), of_row
 
 
 def in_words(value: Any) -> str:
@@ -73,16 +73,16 @@ def in_percent(share: float) -> str:
 
 
 def _ranges(values: pl.Series) -> tuple[list[str], pl.Series]:
-    known = values.drop_nulls().to_numpy()
-    edges = np.unique(np.quantile(known, np.linspace(0.0, 1.0, _BINS + 1)))
+    present = values.drop_nulls().to_numpy()
+    edges = np.unique(np.quantile(present, np.linspace(0.0, 1.0, _BINS + 1)))
     names = [f"{low:.3g} to {high:.3g}" for low, high in pairwise(edges)]
     numbers = np.searchsorted(edges[1:-1], values.to_numpy(), side="right")
     absent = values.is_null().to_numpy()
-    found = pl.Series(np.where(absent, len(names), numbers), dtype=pl.Int64)
-    return ([*names, _NOT_SET] if absent.any() else names), found
+    of_row = pl.Series(np.where(absent, len(names), numbers), dtype=pl.Int64)
+    return ([*names, _NOT_SET] if absent.any() else names), of_row
 
 
-def seen(groups: Sequence[Group]) -> list[str]:
+def outcomes_of(groups: Sequence[Group]) -> list[str]:
     """Return the outcomes to show: those that some run had, and in any case "violated"."""
     return [
         outcome.value

@@ -27,7 +27,7 @@ from phalanx.studies.page.groups import (
     in_percent,
     in_words,
     labels,
-    seen,
+    outcomes_of,
 )
 from phalanx.studies.row import REFUSED, counted, without_effect
 from phalanx.studies.statistics import Rate
@@ -115,7 +115,7 @@ def _intervals(anytime: bool) -> str:
 
 def _rate_rows(axis: str, groups: Sequence[Group]) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """Return the rows of a table of rates, and its head."""
-    outcomes = seen(groups)
+    outcomes = outcomes_of(groups)
     rows = [
         (each.label, _runs(each), *(_in_words(each.rates[name]) for name in outcomes))
         for each in groups
@@ -145,7 +145,7 @@ def _over(axis: str, groups: Sequence[Group]) -> str:
     if not groups:
         return note("No runs.")
     caption = f"Rate of each outcome over {axis}, with 95 % intervals; other axes are averaged."
-    curves = drawing(caption, partial(rates_figure, axis, groups, seen(groups)))
+    curves = drawing(caption, partial(rates_figure, axis, groups, outcomes_of(groups)))
     return curves + _rates(axis, groups)
 
 
@@ -174,9 +174,9 @@ def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[st
 def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> Iterator[str]:
     """Make the figure of the distribution of worst h, at each value of the first axis if few."""
     if runs["worst_h"].is_not_null().any():
-        axis, found = next(iter(groups.items()), ("", ()))
-        few = 1 < len(found) <= _MOST_CURVES
-        shown = found if few else [Group("all", runs, {})]
+        axis, of_axis = next(iter(groups.items()), ("", ()))
+        few = 1 < len(of_axis) <= _MOST_CURVES
+        curves = of_axis if few else [Group("all", runs, {})]
         caption = (
             f"Distribution of the worst h{f', by {axis}' if few else ''}, with the 95 % band of "
             "Dvoretzky, Kiefer and Wolfowitz. Where runs share seeds, it is of one run of each "
@@ -184,7 +184,7 @@ def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> 
         )
         if absent := runs["worst_h"].null_count():
             caption += f" {absent} runs without h are left out."
-        yield section("Worst h", drawing(caption, partial(distribution_figure, shown)))
+        yield section("Worst h", drawing(caption, partial(distribution_figure, curves)))
 
 
 def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
@@ -194,9 +194,9 @@ def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
         if points:
             caption = f"{column} against the worst h, of {of}. Less of both is better."
             best = [(p.name, f"{p.worst_h:.4g}", f"{p.cost:.4g}") for p in front(points)]
-            shown = table(("not beaten in both", "worst h", column), best)
+            best_points = table(("not beaten in both", "worst h", column), best)
             curve = drawing(caption, partial(cost_figure, points, cost))
-            yield section(f"Cost against safety: {column}", curve + shown)
+            yield section(f"Cost against safety: {column}", curve + best_points)
 
 
 def cost_points(runs: pl.DataFrame, axes: Sequence[str], column: str) -> tuple[list[Point], str]:
@@ -205,12 +205,12 @@ def cost_points(runs: pl.DataFrame, axes: Sequence[str], column: str) -> tuple[l
     Points of a grid have their mean cost and their largest worst h; without a grid each run is a
     point.
     """
-    known = runs.drop_nulls([column, "worst_h"])
-    cells = known.group_by(axes, maintain_order=True).agg(pl.max("worst_h"), pl.mean(column))
-    if axes and cells.height <= MOST_GROUPS**2 and cells.height < known.height:
+    ended = runs.drop_nulls([column, "worst_h"])
+    cells = ended.group_by(axes, maintain_order=True).agg(pl.max("worst_h"), pl.mean(column))
+    if axes and cells.height <= MOST_GROUPS**2 and cells.height < ended.height:
         of = "each point of the grid: the mean cost, and the largest worst h of its runs"
     else:
-        cells, of = known.head(_MOST_POINTS), f"the first {min(len(known), _MOST_POINTS)} runs"
+        cells, of = ended.head(_MOST_POINTS), f"the first {min(len(ended), _MOST_POINTS)} runs"
     points = [
         Point(", ".join(f"{a} = {in_words(row[a])}" for a in axes), row["worst_h"], row[column])
         for row in cells.iter_rows(named=True)
@@ -233,8 +233,8 @@ def _rows(
         (str(row["index"]), *(_cell(row[name]) for name in columns), command(row))
         for row in ordered.head(MOST_LISTED).drop("rank_").iter_rows(named=True)
     ]
-    shown = table(("index", *columns, "command"), rows, len(frame), MOST_LISTED)
-    return sortable(shown) if rows else shown
+    element = table(("index", *columns, "command"), rows, len(frame), MOST_LISTED)
+    return sortable(element) if rows else element
 
 
 def _cell(value: Any) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from phalanx.recording.curves.series import QUANTILES, Series, envelope, kept
+from phalanx.recording.curves.series import QUANTILES, Series, envelope, extremes
 from phalanx.report.style import draw_envelope
 
 
@@ -18,18 +18,18 @@ def test_fewer_points_keep_every_peak() -> None:
     y = np.sin(np.linspace(0.0, 30.0, 100_001))
     y[[777, 50_000]] = 9.0, -9.0
     y[20_000:40_000] = np.nan
-    indices = kept(y, 400)
+    indices = extremes(y, 400)
     assert len(indices) <= 400
     assert {0, 777, 50_000, 100_000} <= set(indices.tolist())
     assert np.isnan(y[indices]).any()
-    assert list(kept(y[:300], 400)) == list(range(300))
+    assert list(extremes(y[:300], 400)) == list(range(300))
 
 
 @pytest.mark.parametrize(("side", "spike", "other"), [("highest", 777, 888), ("lowest", 888, 777)])
 def test_one_side_alone_keeps_its_peaks_and_not_the_others(side, spike, other) -> None:
     y = np.zeros(100_001)
     y[[777, 888]] = 9.0, -9.0
-    indices = kept(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
+    indices = extremes(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
     assert spike in indices
     assert other not in indices
     assert len(indices) <= 400

@@ -17,8 +17,8 @@ from phalanx.recording.curves.history import (
 from phalanx.recording.curves.series import (
     Series,
     envelope,
+    extremes,
     input_curves,
-    kept,
     lanes,
     plotted,
     plotted_unit,
@@ -212,8 +212,8 @@ def curve(
     most: int = _MOST_POINTS, highest: bool = True, lowest: bool = True,
 ) -> Curve:  # fmt: skip
     """Thin a series to a curve through its largest values, its smallest, or both."""
-    t, y = series.known()
-    indices = kept(y, most, highest=highest, lowest=lowest)
+    t, y = series.finite()
+    indices = extremes(y, most, highest=highest, lowest=lowest)
     return Curve(numbers(t[indices], 7), numbers(y[indices], 4), name=name, agent=agent, role=role)
 
 
