@@ -21,6 +21,8 @@ from phalanx_ros2.cdr import deserialized, header, message_type, serialized
 from phalanx_ros2.rmw_zenoh import Node, NodeName
 
 log = logging.getLogger("phalanx.ros2")
+_DOMAIN = 0
+"""ROS_DOMAIN_ID of the robots."""
 _POSES: Mapping[str, type] = {"Odometry": Odometry, "PoseStamped": PoseStamped}
 _VELOCITIES: Mapping[str, type] = {"Twist": Twist, "TwistStamped": TwistStamped}
 
@@ -40,12 +42,12 @@ class Robots:
     """A node with a subscription and a publisher for each robot."""
 
     def __init__(
-        self, router: str, domain: int, tables: Mapping[str, Mapping[str, Any]], timeout: float
+        self, router: str, tables: Mapping[str, Mapping[str, Any]], timeout: float
     ) -> None:
         """Join the ROS 2 router; tables: as `RobotTable.of`, by agent. Raises HubError."""
         self._tables, self._readings = tables, dict[str, Reading]()
         self._changed = threading.Condition()
-        self._node = Node(router, NodeName(domain, "/phalanx", "world"), timeout)
+        self._node = Node(router, NodeName(_DOMAIN, "/phalanx", "world"), timeout)
         self._publishers = {
             name: self._node.publisher(
                 table["command"],

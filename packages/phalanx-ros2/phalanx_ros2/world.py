@@ -69,7 +69,6 @@ class Ros2:
     """By agent; others have the default."""
     router: str = "tcp/localhost:7447"
     """Zenoh endpoint of rmw_zenohd."""
-    domain: int = 0
     timeout: float = 10.0
     """Longest time to wait for the router, and for each robot's first odometry [s]."""
     input_timeout: float = 0.3
@@ -103,7 +102,7 @@ class Ros2:
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         """Meet all robots at their starts. Raises ValueError, RuntimeError."""
         tables = {a.name: self.robots.get(a.name, RobotTable()).of(a.name) for a in agents}
-        self._link = Robots(self.router, self.domain, tables, self.timeout)
+        self._link = Robots(self.router, tables, self.timeout)
         self._robots = {agent.name: _Robot(agent) for agent in agents}
         self._t, self._step, self._notes = 0.0, step, list[WorldNote]()
         self._lock, self._over, self._began = threading.Lock(), threading.Event(), 0.0
