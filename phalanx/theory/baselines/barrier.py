@@ -19,11 +19,15 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.laws.tracking import output_chain
-from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
+
+_RATE = 2.0
+"""λ [1/s]: an error falls to a tenth in 1.2 s, if inputs and pairs allow it."""
+_SLACK_WEIGHT = 1000.0
+"""p: large beside the weights of inputs, so that V falls as it should unless a pair forbids it."""
 
 
 @dataclass
@@ -55,19 +59,14 @@ class LyapunovBarrierQP:
     s = (d/dt + λ)^(r-1) (p - p^d), where the inputs act on the output's r-th derivative.
     """
 
-    rate: Positive = 2.0
-    """λ [1/s]"""
-    weight: Positive = 1000.0
-    """p, of the slack δ."""
-
     def prepare(self, agent: ControlledAgent) -> None:
         """Differentiate the output and make the QP. Raises ValueError if no input acts on it."""
         chain = output_chain(agent.dynamics)
         gain = ca.densify(chain.decoupling)
         self._output = CompiledFunction([chain.x], [*chain.derivatives, gain])
         self._degree = r = chain.degree
-        self._shares = np.array([comb(r - 1, k) * self.rate ** (r - 1 - k) for k in range(r)])
-        self._qp = NearestInput((*agent.dynamics.input_metric(), self.weight))
+        self._shares = np.array([comb(r - 1, k) * _RATE ** (r - 1 - k) for k in range(r)])
+        self._qp = NearestInput((*agent.dynamics.input_metric(), _SLACK_WEIGHT))
 
     def input(self, view: ControllerView) -> Array:
         """Return the QP's input; without one, that of the least worst violation of the pairs."""
@@ -92,7 +91,7 @@ class LyapunovBarrierQP:
         error = np.array(derivatives).reshape(r + 1, axes) - reference
         s, drift = dot(error[:r].T, self._shares), dot(error[1:].T, self._shares)
         a = dot(gain.reshape(axes, -1).T, s)
-        return a, -float(dot(s, drift)) - 0.5 * self.rate * float(dot(s, s))
+        return a, -float(dot(s, drift)) - 0.5 * _RATE * float(dot(s, s))
 
 
 def _with_slack(inputs: Polytope) -> Polytope:
