@@ -106,12 +106,12 @@ boxes = st.builds(_box, ends, _widths, st.integers(0, 3))
 def within(box: tuple[float, float], share: float) -> list[Number]:
     """Numbers in a box: its ends, one that lies so far between them, and where waves turn."""
     low, high = map(mpmath.mpf, box)
-    found = [low, high, min(high, max(low, low + mpmath.mpf(share) * (high - low)))]
+    numbers = [low, high, min(high, max(low, low + mpmath.mpf(share) * (high - low)))]
     half_pi = mpmath.pi / 2
     for turn in (mpmath.ceil(low / half_pi), mpmath.ceil(low / half_pi) + 1, mpmath.mpf(0)):
         if low <= turn * half_pi <= high:
-            found.append(turn * half_pi)
-    return found
+            numbers.append(turn * half_pi)
+    return numbers
 
 
 def true_value(operation: Operation, x: Number, y: Number | None) -> Number:

@@ -1,7 +1,8 @@
 """Dynamics and safe-set functions as a user would write them, and h_tot again in numpy."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as ca
@@ -141,6 +142,16 @@ class Oval:
 
 
 @dataclass(frozen=True)
+class Between:
+    """h of two output points."""
+
+    h: Callable[[ca.SX, ca.SX], ca.SX]
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return self.h(a.p, b.p)
+
+
+@dataclass(frozen=True)
 class ShortSighted(Separation):
     """Separation of its own that says it reaches a hundredth as far as it does."""
 
@@ -171,7 +182,11 @@ class Twin:
         self.members, self.obstacles, self.function, self.rho = members, obstacles, function, rho
         ends = np.cumsum([0, *(len(m.dynamics.states) for m in members)]).tolist()
         self.parts = [slice(*pair) for pair in pairwise(ends)]
-        self._fields = [_field(m) for m in members]
+
+    @cached_property
+    def _fields(self) -> list[CompiledFunction]:
+        """Functions of the members: x -> f, g and the output point."""
+        return [_field(m) for m in self.members]
 
     def h(self, x: Array) -> Array:
         p = [self.position(l, x) for l in range(len(self.members))]
@@ -217,7 +232,6 @@ class Twin:
 
 
 def _field(member: Member) -> CompiledFunction:
-    """x -> f, g and the output point."""
     x, dynamics = ca.SX.sym("x", len(member.dynamics.states)), member.dynamics
     outputs = [dynamics.drift(x), dynamics.actuation(x), dynamics.position(x)]
     return CompiledFunction([x], outputs)
@@ -247,6 +261,22 @@ def swarm_of(
     ]
     function = function or Separation(1.0)
     return Case(compose(members, obstacles, function, rho), Twin(members, obstacles, function, rho))
+
+
+def pair_of(
+    dynamics: Sequence[object], function: object = None, *, adversary: bool = True
+) -> ComposedSet:
+    """Two agents, the second perhaps an adversary."""
+    case = swarm_of(dynamics, adversaries=int(adversary), function=function, obstacles=())
+    return case.composed.alone(0)
+
+
+def runge_kutta(rate: Callable[[Array], Array], x: Array, dt: float) -> Array:
+    """The state dt later, by a step of the classical method."""
+    k1 = rate(x)
+    k2 = rate(x + dt / 2 * k1)
+    k3 = rate(x + dt / 2 * k2)
+    return x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + dt * k3))
 
 
 def along(function: object, x: Array, direction: Array, step: float = 1e-5) -> float:

@@ -42,8 +42,8 @@ def test_systems_are_solved_and_their_determinants_found(seed, m, k):
     A, b = rng.normal(size=(k, m, m)) * 10.0 ** rng.uniform(-3, 3), rng.normal(size=(k, m))
     x, determinants = solve(A, b)
     assert determinants == pytest.approx(np.linalg.det(A), rel=1e-9)
-    for system, right, found in zip(A, b, x, strict=True):
-        error = np.abs(system @ found - right).max()
+    for system, right, answer in zip(A, b, x, strict=True):
+        error = np.abs(system @ answer - right).max()
         assert error <= 1e-12 * np.linalg.cond(system) * np.abs(right).max()
 
 

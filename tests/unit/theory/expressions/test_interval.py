@@ -48,16 +48,11 @@ def test_an_interval_extension_holds_every_value_over_the_box(seed):
         assert (value <= highs + 1e-12 * (1 + abs(value))).all()
 
 
-def test_the_extension_of_a_line_is_exact():
+def test_the_extension_of_a_line_is_exact_and_division_by_what_may_be_zero_unbounded():
     x = ca.SX.sym("x")
-    (bound,) = extend([2 - 3 * x], [x], [Interval(ca.SX(-1), ca.SX(2))])
-    assert (float(bound.lo), float(bound.hi)) == (-4.0, 5.0)
-
-
-def test_division_by_what_may_be_zero_is_unbounded():
-    x = ca.SX.sym("x")
-    (bound,) = extend([1 / x], [x], [Interval(ca.SX(-1), ca.SX(2))])
-    assert (float(bound.lo), float(bound.hi)) == (-np.inf, np.inf)
+    line, inverse = extend([2 - 3 * x, 1 / x], [x], [Interval(ca.SX(-1), ca.SX(2))])
+    assert (float(line.lo), float(line.hi)) == (-4.0, 5.0)
+    assert (float(inverse.lo), float(inverse.hi)) == (-np.inf, np.inf)
 
 
 def test_zero_times_what_is_unbounded_is_unbounded_and_not_forgotten():
@@ -125,9 +120,9 @@ def test_a_jump_is_seen_where_it_is_and_nowhere_else(jumping):
     """All of them have derivative zero, or none, where they do not jump."""
     x, ends = ca.SX.sym("x"), ca.SX.sym("ends", 2)
     box = [Interval(ends[0], ends[1])]
-    kept = CompiledFunction([ends], [continuous([jumping(x)], [x], box)])
+    is_continuous = CompiledFunction([ends], [continuous([jumping(x)], [x], box)])
     for low, high, expected in [(0.0, 0.4, 1), (0.4, 0.6, 0), (0.6, 0.9, 1), (0.3, 0.8, 0)]:
-        assert kept(np.array([low, high]))[0][0] == expected
+        assert is_continuous(np.array([low, high]))[0][0] == expected
 
 
 def test_what_leaves_its_domain_is_not_continuous():

@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+import tracemalloc
 from functools import cache
 from pathlib import Path
 
@@ -16,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.circular import cos
-from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.portable import portable_function, portable_value
+from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
+from phalanx.theory.expressions.portable import factor_out, portable_function, portable_value
 
 WITHOUT_FMA = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4"}
 """What makes libm choose as it would on a CPU of before 2013."""
@@ -71,9 +72,9 @@ def power():
     return compiled(lambda x, y: x**y, 2)
 
 
-def off(found: float, right: float) -> float:
+def off(value: float, right: float) -> float:
     """Difference of two numbers in units in the last place."""
-    return abs(found - right) / math.ulp(right)
+    return abs(value - right) / math.ulp(right)
 
 
 def by_libm(function, *values: float) -> float:
@@ -133,11 +134,11 @@ def test_a_constant_power_is_right(exponent):
 @pytest.mark.parametrize("name", ONE)
 @pytest.mark.parametrize("x", SPECIAL)
 def test_what_is_infinite_nought_or_not_a_number_comes_out_as_from_libm(name, x):
-    known = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh": "arcsinh"}
-    known |= {"acosh": "arccosh", "atanh": "arctanh"}
+    of_numpy = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh": "arcsinh"}
+    of_numpy |= {"acosh": "arccosh", "atanh": "arctanh"}
     if name in ("sin", "cos", "tan") and x == 1e300:
         pytest.skip("an argument half a unit away has any sine")
-    right = by_libm(getattr(np, known.get(name, name)), x)
+    right = by_libm(getattr(np, of_numpy.get(name, name)), x)
     assert functions()[name](x) == pytest.approx(right, rel=1e-15, abs=0.0, nan_ok=True)
 
 
@@ -174,6 +175,39 @@ def test_a_number_has_the_bits_of_its_expression():
         assert portable_value(cos, angle) == functions()["cos"](angle)
 
 
+def test_terms_of_one_argument_alone_and_the_rest_make_the_expression_again():
+    a, b, number = ca.SX.sym("a", 2), ca.SX.sym("b"), ca.SX.sym("number")
+    whole = ca.vertcat(ca.sin(ca.exp(a[0])) * b, ca.cos(a[1] + b) + ca.sqrt(number), ca.exp(number))
+    parts, symbols, rest = factor_out([a, b], number, whole)
+    # exp and its sine are of a alone; cos(a + b) is of both, exp(number) of neither.
+    assert [part.numel() for part in parts] == [2, 0]
+    assert [symbol.numel() for symbol in symbols] == [2, 0]
+    first = ca.Function("first", [a], [parts[0]])
+    second = ca.Function("second", [a, b, number, symbols[0]], [rest])
+    expected = ca.Function("whole", [a, b, number], [whole])
+    for values in np.random.default_rng(3).uniform(0.1, 2.0, (20, 4)):
+        others = values[:2], values[2], values[3]
+        assert np.array_equal(second(*others, first(values[:2])), expected(*others))
+
+
+@pytest.mark.slow
+def test_many_states_take_no_more_memory_than_a_few_and_give_the_same_bits() -> None:
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    function = MappedFunction([a, b], [ca.sin(a) * b])
+    values = np.random.default_rng(1).normal(size=(400, 50))
+    rows = np.random.default_rng(2).integers(0, 50, size=(5000, 2))
+    tracemalloc.start()
+    try:
+        values_of_rows = function(values, rows)
+        size, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert size - values_of_rows.nbytes < 8e6
+    assert peak < 3 * values_of_rows.nbytes
+    for state in (0, 25, 26, 399):
+        assert np.array_equal(values_of_rows[state], function(values[state], rows))
+
+
 @pytest.mark.slow
 def test_bits_are_those_of_a_cpu_without_fused_operations():
     here, there = digests(), digests_elsewhere()
@@ -191,13 +225,13 @@ def digests() -> dict[str, str]:
 
 
 def digest(functions, power) -> str:
-    rng, made = np.random.default_rng(7), hashlib.sha256()
+    rng, sha = np.random.default_rng(7), hashlib.sha256()
     for name, (_, low, high) in ONE.items():
         for value in rng.uniform(max(low, -3.0), min(high, 3.0), 2000).tolist():
-            made.update(np.float64(functions[name](value)).tobytes())
+            sha.update(np.float64(functions[name](value)).tobytes())
     for base, exponent in rng.uniform(0.1, 5.0, (2000, 2)).tolist():
-        made.update(np.float64(power(base, exponent)).tobytes())
-    return made.hexdigest()
+        sha.update(np.float64(power(base, exponent)).tobytes())
+    return sha.hexdigest()
 
 
 def digests_elsewhere() -> dict[str, str]:

@@ -24,8 +24,8 @@ def bounds(name: str) -> CompiledFunction:
     x, given_ends = (ca.SX.sym(s, n * operation.arguments) for s, n in (("x", 1), ("e", 2)))
     box = [Interval(*pair) for pair in zip(*[iter(ca.vertsplit(given_ends))] * 2, strict=True)]
     with outwards():
-        (found,) = extend([operation.build(*ca.vertsplit(x))], ca.vertsplit(x), box)
-    return CompiledFunction([given_ends], [ca.vertcat(*found)])
+        (bound,) = extend([operation.build(*ca.vertsplit(x))], ca.vertsplit(x), box)
+    return CompiledFunction([given_ends], [ca.vertcat(*bound)])
 
 
 operations = pytest.mark.parametrize("name", [name for name in OPERATIONS if name not in REFUSED])
@@ -70,17 +70,17 @@ def test_the_sine_of_nought_may_be_nought():
     """So that nothing is made of its sign."""
     x, zero = ca.SX.sym("x"), Interval(ca.SX(0.0), ca.SX(0.0))
     with outwards():
-        (found,) = extend([ca.if_else(ca.sin(x) > 0, -1.0, 835.0)], [x], [zero])
+        (bound,) = extend([ca.if_else(ca.sin(x) > 0, -1.0, 835.0)], [x], [zero])
         assert float(continuous([ca.sin(x) > 0], [x], [zero])) == 0.0
-    assert float(found.hi) >= 835.0
+    assert float(bound.hi) >= 835.0
 
 
 def test_ends_are_rounded_to_nearest_elsewhere():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     box = [Interval(ca.SX(0.1), ca.SX(0.1)), Interval(ca.SX(0.2), ca.SX(0.2))]
-    (found,) = extend([x + y], [x, y], box)
-    assert float(found.lo) == float(found.hi) == 0.1 + 0.2
+    (bound,) = extend([x + y], [x, y], box)
+    assert float(bound.lo) == float(bound.hi) == 0.1 + 0.2
     with outwards():
-        (found,) = extend([x + y], [x, y], box)
-    assert float(found.lo) < 0.1 + 0.2 < float(found.hi)
-    assert float(found.hi) - float(found.lo) < 3e-16
+        (bound,) = extend([x + y], [x, y], box)
+    assert float(bound.lo) < 0.1 + 0.2 < float(bound.hi)
+    assert float(bound.hi) - float(bound.lo) < 3e-16

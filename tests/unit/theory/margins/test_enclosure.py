@@ -1,5 +1,6 @@
 """Enclosures of a state within a horizon, and the inputs that an actuator accepts."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -63,16 +64,22 @@ def test_no_state_leaves_the_box(name, held, seed):
 
 
 @dataclass(frozen=True)
-class Sprung(DoubleIntegrator):
-    """On a spring of its own."""
+class Pushed(DoubleIntegrator):
+    """A double integrator with another acceleration without inputs."""
+
+    push: Callable[[ca.SX], ca.SX] = lambda x: ca.SX.zeros(2)
 
     def drift(self, x):
-        return ca.vertcat(x[2:], -2500.0 * x[:2])
+        return ca.vertcat(x[2:], self.push(x))
+
+
+def pushed(push):
+    return Pushed(2.0, 0.0, 2, push)
 
 
 def test_a_box_that_cannot_be_shown_to_hold_the_state_is_not_certain():
     """A spring that would turn it eight times within the horizon."""
-    box, _ = compiled(Sprung(2.0, 0.0, 2), False)
+    box, _ = compiled(pushed(lambda x: -2500.0 * x[:2]), False)
     assert box(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
 
 
@@ -91,28 +98,12 @@ def test_a_margin_of_a_row_keeps_its_box():
     assert box(np.array([0.0, 0.0, 20.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
 
 
-@dataclass(frozen=True)
-class Sticking(DoubleIntegrator):
-    """A drag that has a largest force, and along each axis a push by the speed along the other."""
-
-    def drift(self, x):
-        v = x[2:]
-        return ca.vertcat(v, -self.drag * ca.tanh(v) + ca.vertcat(ca.sin(v[1]), ca.sin(v[0])))
-
-
-@dataclass(frozen=True)
-class Growing(DoubleIntegrator):
-    """The faster it is the more it is pushed on."""
-
-    def drift(self, x):
-        return ca.vertcat(x[2:], 0.5 * x[2:])
-
-
 DRAGGED = {
-    "driven": Growing(2.0, 0.0, 2),
+    "driven": pushed(lambda x: 0.5 * x[2:]),
     "weak": DoubleIntegrator(2.0, 0.3, 2),
     "strong": DoubleIntegrator(2.0, 50.0, 2),
-    "sticking": Sticking(2.0, 1.0, 2),
+    # A drag that has a largest force, and along each axis a push by the speed along the other.
+    "sticking": pushed(lambda x: ca.vertcat(ca.sin(x[3]), ca.sin(x[2])) - ca.tanh(x[2:])),
 }
 
 
@@ -134,20 +125,12 @@ def test_no_drag_is_too_strong_for_a_box_that_is_proven(name, seed, T):
         way = rng.choice([-1.0, 1.0], 4) * PHI / 2 if step % 400 == 0 else way
 
 
-@dataclass(frozen=True)
-class Fed(DoubleIntegrator):
-    """The speed along one axis pushes along the other, where there is a drag."""
-
-    axis: int = 0
-
-    def drift(self, x):
-        push = 5.0 * x[3 - self.axis] - 0.1 * x[2 + self.axis]
-        return ca.vertcat(x[2:], *[push if axis == self.axis else 0.0 for axis in (0, 1)])
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 def test_what_slows_a_component_is_bounded_while_all_others_move(axis):
-    box, rate = compiled(Fed(2.0, 0.0, 2, axis), True, proven=True)
+    """The speed along one axis pushes along the other, where there is a drag."""
+    unit = ca.DM(np.eye(2)[axis])
+    fed = pushed(lambda x: unit * (5.0 * x[3 - axis] - 0.1 * x[2 + axis]))
+    box, rate = compiled(fed, True, proven=True)
     u = np.eye(2)[1 - axis] * 2.0
     _, high, certain = box(np.zeros(4), u, 1.0)
     x = np.zeros(4)
@@ -157,16 +140,10 @@ def test_what_slows_a_component_is_bounded_while_all_others_move(axis):
     assert 4.0 < x[2 + axis] <= high[2 + axis]
 
 
-@dataclass(frozen=True)
-class Kicked(DoubleIntegrator):
-    """A drag, and a kick from 1 m/s along x on: its slope knows nothing of it."""
-
-    def drift(self, x):
-        return ca.vertcat(x[2:], ca.if_else(x[2] > 1.0, 100.0, 0.0) - 0.1 * x[2], 0.0)
-
-
 def test_the_slope_of_a_rate_that_jumps_bounds_nothing():
-    box, rate = compiled(Kicked(2.0, 0.0, 2), True, proven=True)
+    """A drag, and a kick from 1 m/s along x on: its slope knows nothing of it."""
+    kicked = pushed(lambda x: ca.vertcat(ca.if_else(x[2] > 1.0, 100.0, 0.0) - 0.1 * x[2], 0.0))
+    box, rate = compiled(kicked, True, proven=True)
     x, u = np.array([0.0, 0.0, 0.9, 0.0]), np.array([2.0, 0.0])
     _, high, certain = box(x, u, 0.5)
     for _ in range(1000):
@@ -175,18 +152,11 @@ def test_the_slope_of_a_rate_that_jumps_bounds_nothing():
     assert 40.0 < x[2] <= high[2]
 
 
-@dataclass(frozen=True)
-class Fleeing(SingleIntegrator):
-    """A drift that is the difference of two numbers, each beyond float64 far from here."""
-
-    def drift(self, x):
-        return ca.vertcat(ca.exp(x[0]) - ca.exp(x[1]), 0.0)
-
-
 def test_a_rate_that_is_no_number_makes_no_box_certain():
-    box, _ = compiled(Fleeing(1.0), False)
-    assert box(np.zeros(2), np.zeros(2), 0.1)[2] == 1.0
-    assert box(np.array([1e3, 1e3]), np.zeros(2), 0.1)[2] == 0.0
+    """The difference of two numbers, each beyond float64 far from here."""
+    box, _ = compiled(pushed(lambda x: ca.vertcat(ca.exp(x[0]) - ca.exp(x[1]), 0.0)), False)
+    assert box(np.zeros(4), np.zeros(2), 0.1)[2] == 1.0
+    assert box(np.array([1e3, 1e3, 0.0, 0.0]), np.zeros(2), 0.1)[2] == 0.0
 
 
 def test_a_unicycle_is_never_faster_than_its_speed_and_an_integrator_may_be():

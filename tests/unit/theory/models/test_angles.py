@@ -48,7 +48,7 @@ class Skater:
 
 
 @pytest.mark.parametrize(
-    ("dynamics", "turns", "known"),
+    ("dynamics", "turns", "expected"),
     [
         (Unicycle(speed=1.0, turn_rate=2.0), "theta", {"theta"}),
         (DynamicUnicycle(acceleration=1.0, turn_acceleration=2.0), "theta", {"theta"}),
@@ -60,10 +60,10 @@ class Skater:
         (TripleIntegrator(jerk=1.0, dimension=3), None, set()),
     ],
 )
-def test_the_heading_turns_the_velocity_and_a_tilt_does_not(dynamics, turns, known):
-    found = heading(dynamics)
-    assert (found if found is None else dynamics.states[found]) == turns
-    assert angles(dynamics) == known
+def test_the_heading_turns_the_velocity_and_a_tilt_does_not(dynamics, turns, expected):
+    index = heading(dynamics)
+    assert (index if index is None else dynamics.states[index]) == turns
+    assert angles(dynamics) == expected
 
 
 def test_a_start_of_an_attack_turns_a_robot_but_tilts_no_quadrotor():

@@ -88,17 +88,10 @@ UNBOUNDED = {
 }
 
 
-@pytest.mark.parametrize("name", EMPTY)
-def test_an_empty_polytope_is_refused(name):
-    A, b = (np.array(a, dtype=float) for a in EMPTY[name])
-    with pytest.raises(EmptyPolytopeError):
-        polytope(A, b)
-
-
-@pytest.mark.parametrize("name", UNBOUNDED)
-def test_an_unbounded_polytope_is_refused(name):
+@pytest.mark.parametrize("name", EMPTY | UNBOUNDED)
+def test_an_empty_or_unbounded_polytope_is_refused(name):
     """Assumption (Ui): U_i is compact; otherwise γ^max does not exist."""
-    A, b = (np.array(a, dtype=float) for a in UNBOUNDED[name])
+    A, b = (np.array(a, dtype=float) for a in (EMPTY | UNBOUNDED)[name])
     with pytest.raises(EmptyPolytopeError):
         polytope(A, b)
 

@@ -1,4 +1,4 @@
-"""The agent's QP against an exact solver: every set of active rows tried in turn."""
+"""The agent's QP, in any polytope and in a box, against an exact solver that tries all rows."""
 
 from itertools import combinations
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 from phalanx.theory.models.polytope import ACTUATION, Polytope, extremes, polytope, vertices
-from phalanx.theory.rows.qp import TOLERANCE, NearestInput
+from phalanx.theory.rows.qp import TOLERANCE, NearestInput, nearest_in_box
 from phalanx.theory.rows.row import Row
 from tests.unit.theory.polytopes import random_polytope
 
@@ -71,25 +70,6 @@ def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
     _, u_set, weights, u_nom = drawn(seed, m)
     u = NearestInput(tuple(weights)).solve(u_nom, u_set)
     assert u == pytest.approx(nearest_by_active_sets(u_nom, weights, u_set.A, u_set.b), abs=2e-5)
-
-
-@given(seed=seeds)
-@settings(max_examples=20)
-def test_the_qp_agrees_with_a_general_purpose_solver(seed):
-    rng, u_set, weights, u_nom = drawn(seed, 2)
-    row = cutting_row(rng, u_set, 1.0, 0.4)
-    u = NearestInput(tuple(weights)).solve(u_nom, u_set, row)
-    A, b = np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
-    other = minimize(
-        lambda v: weights @ (v - u_nom) ** 2,
-        u_set.corners.mean(axis=0),
-        jac=lambda v: 2 * weights * (v - u_nom),
-        constraints={"type": "ineq", "fun": lambda v: b - A @ v, "jac": lambda _: -A},
-        method="SLSQP",
-        options={"ftol": 1e-12},
-    )
-    assert u is not None
-    assert weights @ (u - u_nom) ** 2 == pytest.approx(other.fun, rel=1e-4, abs=1e-5)
 
 
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), gap=st.floats(0.01, 3.0))
@@ -188,3 +168,62 @@ def test_a_solution_at_a_sharp_corner_is_no_farther_out_than_an_actuator_admits(
     for towards in ([1.0, 0.0], [1e5, 3.0], [1.0, -1e-3]):
         u = NearestInput((1.0, 1.0)).solve(np.array(towards), needle)
         assert u is None or np.linalg.norm(u) <= ACTUATION or u[0] <= 0.0
+
+
+def drawn_box(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
+    """A generator, a box, weights, and a nominal input that is often outside of it."""
+    rng = np.random.default_rng(seed)
+    ends = np.sort(rng.uniform(-3, 3, (2, m)), axis=0)
+    box = polytope(np.vstack([np.eye(m), -np.eye(m)]), np.concatenate([ends[1], -ends[0]]))
+    return rng, box, rng.uniform(0.05, 2.0, m), rng.uniform(-6, 6, m)
+
+
+def normal(rng: np.random.Generator, m: int, log_size: float) -> np.ndarray:
+    """A row's normal, with a zero in it now and then."""
+    return rng.normal(size=m) * (rng.uniform(size=m) < 0.8) * 10.0**log_size
+
+
+def nearest(u_nom, weights, box, a, bound) -> list[float] | None:
+    low, high = box.box.low.tolist(), box.box.high.tolist()
+    return nearest_in_box(u_nom.tolist(), weights.tolist(), low, high, a.tolist(), bound, 1e-6)
+
+
+@pytest.mark.slow
+@given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.0, 1.2))
+@settings(max_examples=100)
+def test_in_a_box_the_nearest_input_that_satisfies_the_row_is_exact(seed, m, log_size, share):
+    rng, box, weights, u_nom = drawn_box(seed, m)
+    a = normal(rng, m, log_size)
+    least, most = extremes(a, box.corners)
+    bound = least + share * (most - least)
+    u = nearest(u_nom, weights, box, a, bound)
+    A, b = (box.A, box.b) if not a.any() else (np.vstack([box.A, a]), np.append(box.b, bound))
+    assert u == pytest.approx(nearest_by_active_sets(u_nom, weights, A, b), abs=1e-8)
+    assert a @ u - bound <= 1e-9 * np.abs(a).sum()
+
+
+@given(seed=seeds, m=st.integers(1, 3), gap=st.floats(1e-3, 3.0))
+def test_a_row_that_no_input_keeps_has_no_answer(seed, m, gap):
+    rng, box, weights, u_nom = drawn_box(seed, m)
+    a = rng.normal(size=m)
+    least, _ = extremes(a, box.corners)
+    assert nearest(u_nom, weights, box, a, least - gap) is None
+
+
+@pytest.mark.slow
+@given(seed=seeds, m=st.integers(1, 3))
+def test_a_row_that_one_corner_keeps_but_for_rounding_is_answered_by_that_corner(seed, m):
+    rng, box, weights, u_nom = drawn_box(seed, m)
+    a = rng.normal(size=m)
+    least, _ = extremes(a, box.corners)
+    u = nearest(u_nom, weights, box, a, least - 1e-12)
+    assert u == pytest.approx(np.where(a > 0, box.box.low, box.box.high), abs=1e-9)
+
+
+@pytest.mark.parametrize("bound", [np.inf, 0.0, -np.inf])
+def test_a_bound_that_is_not_finite_is_kept_by_every_input_or_by_none(bound):
+    _, box, weights, u_nom = drawn_box(0, 3)
+    u = nearest(u_nom, weights, box, np.zeros(3), bound)
+    assert (u is None) is (bound == -np.inf)
+    if u is not None:
+        assert (u == np.clip(u_nom, box.box.low, box.box.high)).all()

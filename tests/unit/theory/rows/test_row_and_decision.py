@@ -1,11 +1,10 @@
 """Rows of both information models, and what an agent makes of them."""
 
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from phalanx.theory.models.integrators import SingleIntegrator
@@ -14,7 +13,7 @@ from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, Terms, joint_sum, paper_row, shares, split_row
+from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
 from tests.unit.theory.whole_expression import TermsFunction
@@ -34,11 +33,6 @@ def swarm() -> Case:
 @cache
 def terms_function() -> TermsFunction:
     return TermsFunction(build_chain(swarm().composed, [ALPHA]), margin=ETA)
-
-
-def spans_of(terms: Terms, who: Sequence[int]) -> np.ndarray:
-    """The span of each agent: the largest effect of its input on ψ_q."""
-    return np.array([terms.most[l] - terms.least[l] for l in who])
 
 
 def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
@@ -61,16 +55,9 @@ def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndar
 
 
 @pytest.mark.slow
-@given(seed=seeds, i=st.sampled_from(NORMAL))
-def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
-    _, x, u = drawn(seed)
-    row = paper_row(terms_function()(x), i, {l: u[l] for l in NORMAL if l != i})
-    assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
-
-
-@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), silent=st.sampled_from(NORMAL))
-def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
+def test_the_papers_row_is_the_joint_condition_with_who_was_not_heard_at_its_worst(seed, i, silent):
+    """All are heard where it is agent i itself that is silent."""
     _, x, u = drawn(seed)
     terms = terms_function()(x)
     heard = {l: u[l] for l in NORMAL if l not in (i, silent)}
@@ -111,11 +98,11 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
 @given(seed=seeds)
 def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed):
     terms = terms_function()(drawn(seed)[1])
-    found = shares(terms, NORMAL)
-    spans = spans_of(terms, NORMAL)
-    assert (found > 0.0).all()
-    assert found.sum() == pytest.approx(1.0)
-    assert (np.argsort(found) == np.argsort(spans)).all()
+    by_agent = shares(terms, NORMAL)
+    spans = [terms.most[l] - terms.least[l] for l in NORMAL]
+    assert (by_agent > 0.0).all()
+    assert by_agent.sum() == pytest.approx(1.0)
+    assert (np.argsort(by_agent) == np.argsort(spans)).all()
     bounds = [split_row(terms, i, NORMAL).bound - terms.least[i] for i in NORMAL]
     assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL))
 
@@ -131,8 +118,8 @@ def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
     terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] + share * (terms.most[i] - terms.least[i]))
     polytope = terms.polytopes[i]
-    wanted = rng.uniform(-9, 9, 2)
-    decision = decide(terms, i, row, wanted, solver(i), 0.0)
+    u_nom = rng.uniform(-9, 9, 2)
+    decision = decide(terms, i, row, u_nom, solver(i), 0.0)
     assert decision.origin == Origin.QP
     assert (polytope.A @ decision.u <= polytope.b + 1e-5).all()
     assert row.a @ decision.u <= row.bound + 2e-6 * max(1.0, np.linalg.norm(row.a))
@@ -160,27 +147,11 @@ def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i
     terms = terms_function()(x)
     span = terms.most[i] - terms.least[i]
     row, polytope = Row(terms.c[i], terms.least[i] - 1.0), terms.polytopes[i]
-    wanted = rng.uniform(-9, 9, 2)
-    decision = decide(terms, i, row, wanted, solver(i), 1.001 * span)
+    u_nom = rng.uniform(-9, 9, 2)
+    decision = decide(terms, i, row, u_nom, solver(i), 1.001 * span)
     assert decision.origin == Origin.NO_AUTHORITY
-    projected = solver(i).solve(wanted, polytope)
+    projected = solver(i).solve(u_nom, polytope)
     assert projected is not None
     assert decision.u == pytest.approx(projected)
-    busier = decide(terms, i, row, wanted, solver(i), 0.999 * span)
+    busier = decide(terms, i, row, u_nom, solver(i), 0.999 * span)
     assert busier.origin == Origin.BACKUP
-
-
-@pytest.mark.slow
-@given(seed=seeds)
-@settings(max_examples=30)
-def test_no_decision_is_zero_or_the_raw_wish_when_that_is_outside(seed):
-    rng, x, _ = drawn(seed)
-    terms = terms_function()(x)
-    wanted = rng.uniform(5, 9, 2)  # outside every polytope here but a stretched triangle
-    for i in (0, 2):
-        for bound in (terms.least[i] - 1.0, terms.least[i] + 0.1, 1e6):
-            for authority in (0.0, 1e9):
-                row = Row(terms.c[i], bound)
-                u = decide(terms, i, row, wanted, solver(i), authority).u
-                assert np.abs(u).max() > 1e-6
-                assert np.abs(u - wanted).max() > 0.1

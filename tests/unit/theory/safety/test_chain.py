@@ -17,7 +17,15 @@ from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import RelativeDegreeError, build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.obstacles import Sphere, Wall
-from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
+from tests.unit.theory.users_own import (
+    Case,
+    Drifter,
+    OutputUnicycle,
+    Oval,
+    along,
+    pair_of,
+    swarm_of,
+)
 from tests.unit.theory.whole_expression import TermsFunction
 
 XI = 2.5
@@ -88,7 +96,7 @@ def test_each_psi_is_the_slope_of_the_one_before_along_f_and_alpha_of_it(name, s
 
 @cache
 def terms_of_pair(dynamics: Dynamics, *alphas: float) -> TermsFunction:
-    return TermsFunction(build_chain(swarm_of([dynamics] * 2, obstacles=()).composed, alphas, XI))
+    return TermsFunction(build_chain(pair_of([dynamics] * 2), alphas, XI))
 
 
 A1, A2, B, BETA = 0.8, 1.7, 0.25, 2 / 3
@@ -120,6 +128,18 @@ def test_double_integrators_with_drag_are_the_hand_formula(n, seed):
     assert terms.unforced == pytest.approx(unforced, **close)
     assert terms.c[0] == pytest.approx(-2 * d, **close)
     assert terms.c[1] == pytest.approx(2 * d, **close)
+
+
+def test_the_corrected_row_bounds_the_disturbance_in_psi_1_and_the_printed_one_forgets_it(rng):
+    """D_2 = Σ ‖∂ψ_1/∂x_l‖ φ_l^max; for one pair ∂ψ_1/∂x_a = (-2 V - 2 α_1 D, -2 D)."""
+    pair, phi = pair_of([DoubleIntegrator(2.0, 0.5, 2)] * 2), [0.4, 0.7]
+    assert build_chain(pair, [A1, A2], XI).disturbance.is_zero()
+    chain = build_chain(pair, [A1, A2], XI, phi)
+    disturbance = CompiledFunction([pair.x], [chain.disturbance])
+    for x in rng.uniform(-3, 3, (30, 8)):
+        d, v = x[:2] - x[4:6], x[2:4] - x[6:]
+        slope = np.linalg.norm(np.concatenate([-2 * v - 2 * A1 * d, -2 * d]))
+        assert disturbance(x)[0] == pytest.approx([slope * sum(phi)], rel=1e-6)
 
 
 def test_a_wall_is_a_half_plane_and_its_normal_needs_no_length():

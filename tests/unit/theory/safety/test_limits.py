@@ -63,14 +63,6 @@ def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
     assert max(worst) > -0.2
 
 
-@pytest.mark.slow
-def test_without_the_fence_they_leave_it():
-    free = phalanx.load("fence", overrides={**LEAD_OUT, "limits": []})
-    run = phalanx.run(free, engine="in-process")
-    last = run.states.tail(1)
-    assert np.hypot(last["1.x"][0], last["1.y"][0]) > 8.0
-
-
 def test_no_limit_is_left_out_where_distant_pairs_are():
     swarm = build_swarm(phalanx.load("swarm", overrides={**SWARM, "limits": BALL}))
     x, functions = swarm.start(), LargestPsi(build_rows(swarm)).functions

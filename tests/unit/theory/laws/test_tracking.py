@@ -1,4 +1,4 @@
-"""Nominal laws and attacks of agents whose inputs are velocities."""
+"""Nominal laws and attacks of agents whose inputs are velocities or accelerations."""
 
 from functools import cache
 
@@ -12,10 +12,11 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.goals import Goal, hold
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.tracking import OutputVelocity, Pursue, TrackVelocity
+from phalanx.theory.laws.tracking import OutputVelocity, Pursue, TrackVelocity, output_chain
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
+from tests.unit.swarms import rows_of_scenario
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, along, swarm_of
 from tests.unit.theory.whole_expression import TermsFunction
 
@@ -60,8 +61,8 @@ def test_output_velocity_inverts_the_dynamics(dynamics, seed):
     v = rng.uniform(-3, 3, len(case.twin.position(0, x)))
     if isinstance(dynamics, Drifter) and abs(np.linalg.det(case.twin.g(0, x)[:2])) < 0.1:
         return
-    output, wanted = OutputVelocity(dynamics), ca.SX.sym("v", len(v))
-    (u,) = CompiledFunction([output.x, wanted], [output.input_for(wanted)])(x[:n], v)
+    output, desired = OutputVelocity(dynamics), ca.SX.sym("v", len(v))
+    (u,) = CompiledFunction([output.x, desired], [output.input_for(desired)])(x[:n], v)
     rate = case.twin.f(0, x) + case.twin.g(0, x) @ u
     moved = [along(lambda y, a=a: case.twin.position(0, y)[a], x, rate) for a in range(len(v))]
     assert moved == pytest.approx(v, rel=1e-5, abs=1e-5)
@@ -83,8 +84,8 @@ def test_tracking_gives_the_output_the_goals_velocity_and_pulls_it_in(seed):
         law = TrackVelocity(gain=1.5)
         law.prepare(fleet().composed.members[i].dynamics)
         u = law.input(view(x, i, goal))
-        wanted = goal.velocity + 1.5 * (goal.position - fleet().twin.position(i, x))
-        assert output_velocity(x, i, u) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+        desired = goal.velocity + 1.5 * (goal.position - fleet().twin.position(i, x))
+        assert output_velocity(x, i, u) == pytest.approx(desired, rel=1e-5, abs=1e-5)
 
 
 @given(seed=seeds)
@@ -113,3 +114,31 @@ def test_no_input_in_the_polytope_pushes_harder_than_the_worst_case(seed):
         return along(fleet().twin.h_tot, x, fleet().twin.g(3, x) @ u)
 
     assert push(u) >= max(push(corner) for corner in rows.corners) - 1e-6
+
+
+def test_tracking_gives_the_output_the_desired_acceleration_but_for_drag():
+    law = rows_of_scenario("formation3d").swarm.law(0)
+    chain = output_chain(DoubleIntegrator(2.0, 0.5, 3))
+    assert law.gains == (2.0, 2.8284271247461903)
+    x, u_nom = np.arange(6.0), np.array([0.3, -0.2, 1.0])
+    evaluate = CompiledFunction([chain.x], [ca.vertcat(*chain.derivatives[:-1])])
+    assert evaluate(x)[0] == pytest.approx(x)
+    assert np.array(ca.DM(chain.input_for(ca.SX(u_nom)))).ravel() == pytest.approx(u_nom)
+    assert output_chain(Unicycle(1.0, 1.0)).degree == 1
+    assert output_chain(SingleIntegrator(1.0)).degree == 1
+
+
+def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
+    """Adversary 4 chases agent 0 straight through adversary 5."""
+    swarm = rows_of_scenario("formation3d").swarm
+    x = swarm.start()
+    parts = swarm.safe_set.parts
+    x[parts[0]] = [60.0, 0, 0, 0, 0, 0]
+    x[parts[4]] = [50.0, 0, 0, 2.0, 0, 0]
+    x[parts[5]] = [53.0, 0, 0, 0, 0, 0]
+    terms, law = rows_of_scenario("formation3d").terms(4)(x), swarm.law(4)
+    states = {l: x[part] for l, part in enumerate(parts)}
+    sight = View(4, states, swarm.normal, hold(terms.positions[4]), terms, 0.0)
+    assert law.input(sight)[0] < 0
+    law._team = None
+    assert law.input(sight)[0] > 0
