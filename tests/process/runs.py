@@ -8,11 +8,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import psutil
 from phalanx_viewer.feeds.live import Live
 
+import phalanx
 from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
@@ -29,6 +30,17 @@ PACED = CommandPolicy(secret=COMMAND_SECRET, speed=0.2)
 """Slow enough for commands to come in time."""
 _ANEW = 10.0
 """After so long a command is put again [s]: one that is put into a flood may be lost."""
+
+
+def on_both_engines(scenario: Scenario, **options: Any) -> tuple[phalanx.Run, phalanx.Run]:
+    """Runs in process and as processes, which agree on every state and step and on all events."""
+    first, second = (
+        phalanx.run(scenario, engine=engine, **options) for engine in ("in-process", "processes")
+    )
+    for what in ("trajectory", "steps", "faults", "rejected", "assumptions", "trust"):
+        assert getattr(first.summary, what) == getattr(second.summary, what)
+    assert first.events.drop("run").equals(second.events.drop("run"))
+    return first, second
 
 
 class LiveRun:

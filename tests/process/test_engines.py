@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.guarantee.verdict import Summary
 from phalanx.theory.expressions.native import COMPILER, FOLDER
 from tests.layers import layered
+from tests.process.runs import on_both_engines
 
 pytestmark = pytest.mark.swarm
 
@@ -165,16 +165,6 @@ class Filtering:
 """
 
 
-def one_trajectory(scenario: phalanx.Scenario) -> Summary:
-    """Assert that both engines agree on every state and step, on faults and events."""
-    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
-    first, second = (run.summary for run in runs)
-    assert (first.trajectory, first.steps) == (second.trajectory, second.steps)
-    assert (first.faults, first.rejected) == (second.faults, second.rejected)
-    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))
-    return first
-
-
 HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"]
 """Scenarios without robots of others, which no run repeats."""
 
@@ -185,13 +175,13 @@ def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
     # A second of Crazyflies takes twenty: their integration steps are of 0.3 ms.
     lasts = 0.1 if name == "worlds/crazyflies" else DURATION
     shipped = phalanx.load(name, seed=1)
-    one_trajectory(phalanx.load(name, {"duration": min(lasts, shipped.duration)}, seed=1))
+    on_both_engines(phalanx.load(name, {"duration": min(lasts, shipped.duration)}, seed=1))
 
 
 @pytest.mark.parametrize("name", layered(VARIANTS, ("losses and delays", "one controller")))
 def test_whatever_network_clock_and_controller_the_trajectory_is_one(name: str) -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION, **VARIANTS[name]})
-    assert one_trajectory(scenario).notes == []
+    assert on_both_engines(scenario)[0].summary.notes == []
 
 
 def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> None:
@@ -199,8 +189,7 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     monkeypatch.chdir(tmp_path)
     table = {"type": "filtering:Filtering"}
     overrides = {"duration": 0.3, "network.loss": 0.3, "agents.0.controller": table}
-    scenario = phalanx.load("unicycles", overrides)
-    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    runs = on_both_engines(phalanx.load("unicycles", overrides))
     noted = [run.inputs.select("agent", "k", "note.ages", "note.heard") for run in runs]
     assert noted[0].equals(noted[1])
     assert noted[0]["note.heard"].max() == 2.0
@@ -219,12 +208,9 @@ def test_commands_take_effect_alike_on_both_engines() -> None:
         phalanx.Command(0.9, kinds.KILL, "3"),
     )
     policy = phalanx.CommandPolicy(schedule=schedule)
-    runs = [phalanx.run(scenario, engine=e, commands=policy) for e in ("in-process", "processes")]
-    first, second = (run.summary for run in runs)
-    assert first.trajectory == second.trajectory
-    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))
-    undisturbed = phalanx.run(scenario, engine="in-process").summary
-    assert undisturbed.trajectory != first.trajectory
+    disturbed, _ = on_both_engines(scenario, commands=policy)
+    undisturbed = phalanx.run(scenario, engine="in-process")
+    assert undisturbed.summary.trajectory != disturbed.summary.trajectory
 
 
 def test_a_run_of_one_engine_is_verified_on_the_other() -> None:

@@ -117,21 +117,6 @@ def test_lost_and_late_inputs_are_counted_in_the_verdict(tmp_path):
     assert sampling.failed > 0
 
 
-def test_a_fault_of_one_link_changes_no_other_links_fates(tmp_path):
-    noisy = {"network.loss": 0.3, "network.delay": {"low": 0.0, "high": 0.05}}
-    worse = {"from": "1", "to": "2", "loss": {"mean": 0.8, "burst": 5.0}, "delay": 0.1}
-    runs = {"before": noisy, "after": {**noisy, "network.links": [worse]}}
-    links = [
-        run(overrides, tmp_path / name)
-        .links.select("sender", "receiver", "k", "lost", "delay")
-        .partition_by("sender", "receiver", as_dict=True)
-        for name, overrides in runs.items()
-    ]
-    assert links[0].keys() == links[1].keys()
-    changed = {ends for ends in links[0] if not links[0][ends].equals(links[1][ends])}
-    assert changed == {("1", "2")}
-
-
 def test_a_run_with_every_kind_of_fault_is_repeated_bit_by_bit(tmp_path):
     everything: dict = {"faults": []}
     for overrides in FAULTS.values():

@@ -39,10 +39,3 @@ def test_the_theorem_promises_the_remaining_pairs_only_if_no_role_is_read():
     assert faithful(hijacked("unknown").summary) == [0]
     (failed,) = faithful(hijacked("split").summary)
     assert failed > 20
-
-
-def test_a_hijack_has_one_trajectory_on_both_engines():
-    scenario = phalanx.load(SCENARIO)
-    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
-    assert runs[0].summary.trajectory == runs[1].summary.trajectory
-    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))

@@ -4,7 +4,7 @@ import psutil
 import pytest
 
 import phalanx
-from tests.process.runs import wait_for
+from tests.process.runs import on_both_engines, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -31,15 +31,11 @@ def killed_and_restarted(name: str) -> phalanx.CommandPolicy:
 def test_an_agent_killed_and_restarted_goes_on_alike_on_both_engines(overrides: dict) -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION, **overrides})
     policy = killed_and_restarted("1")
-    runs = [phalanx.run(scenario, engine=e, commands=policy) for e in ("in-process", "processes")]
-    first, second = (run.summary for run in runs)
-    assert first.trajectory == second.trajectory
-    assert (first.assumptions, first.rejected) == (second.assumptions, second.rejected)
-    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))
-    times = runs[0].inputs.filter(agent="1")["t"].to_list()
+    run, _ = on_both_engines(scenario, commands=policy)
+    times = run.inputs.filter(agent="1")["t"].to_list()
     assert RESTARTED in times, "it samples at once"
     assert not any(KILLED < t < RESTARTED for t in times)
-    (gap,) = (a for a in first.assumptions if a.name == "sampling gap")
+    (gap,) = (a for a in run.summary.assumptions if a.name == "sampling gap")
     assert (gap.failed, gap.first) == (1, RESTARTED)
 
 
@@ -52,13 +48,6 @@ def test_another_process_takes_the_place_of_the_one_that_died() -> None:
     texts = run.events["text"].to_list()
     assert "agent 2 killed; lost with it: the inputs received of 1, 3" in texts
     assert "agent 2 restarted, with nothing received" in texts
-
-
-@pytest.mark.nightly
-def test_a_run_with_a_restart_by_hand_is_verified() -> None:
-    scenario = phalanx.load("unicycles", {"duration": DURATION})
-    run = phalanx.run(scenario, engine="in-process", commands=killed_and_restarted("3"))
-    assert phalanx.verify(run, engine="processes")
 
 
 def test_a_paused_agents_process_is_stopped_and_goes_on() -> None:

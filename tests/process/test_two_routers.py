@@ -12,11 +12,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import phalanx
 from phalanx.guarantee.verdict import Summary
 from phalanx.hosts.authority import make_identities
-from phalanx.launcher.engine import RunOptions, execute
 from phalanx.messages.keys import PLANT, ROUTER
-from phalanx.scenario.load import load
 from tests.network import testbed
 from tests.network.testbed import HERE, THERE, Wire, opened, unavailable
 from tests.process.runs import wait_for
@@ -75,9 +74,7 @@ def hosts(tmp_path: Path) -> Iterator[Hosts]:
 
 
 @pytest.mark.parametrize("cut", [False, True], ids=["calm", "cut"])
-def test_a_run_over_two_routers_is_the_run_on_one_host(
-    hosts: Hosts, tmp_path: Path, cut: bool
-) -> None:
+def test_a_run_over_two_routers_is_the_run_on_one_host(hosts: Hosts, cut: bool) -> None:
     """Also when the wire between them is cut for a moment, and restored."""
     hosts.start_routers()
     plant, agents = hosts.start_plant(), hosts.start_agents()
@@ -91,8 +88,7 @@ def test_a_run_over_two_routers_is_the_run_on_one_host(
     outputs = [program.communicate(timeout=120)[0] for program in (plant, *agents)]
     assert [program.returncode for program in (plant, *agents)] == [0] * 6, outputs
     summary = msgspec.json.decode((hosts.out / "summary.json").read_bytes(), type=Summary)
-    (folder := tmp_path / "alone").mkdir()
-    alone = execute(load(SCENARIO, [DURATION]), folder, RunOptions("in-process"))
+    alone = phalanx.run(phalanx.load(SCENARIO, [DURATION]), engine="in-process").summary
     assert summary.trajectory == alone.trajectory
     assert summary.outcome is alone.outcome
     assert not summary.rejected

@@ -5,6 +5,7 @@ import pytest
 import phalanx
 from phalanx.guarantee.verdict import TrustSummary
 from tests.layers import layered
+from tests.process.runs import on_both_engines
 
 WATCH = {"safety.watch": True, "duration": 1.5}
 HONEST = {
@@ -49,16 +50,13 @@ def trust(scenario: str, **changes: object) -> TrustSummary:
     return run.summary.trust
 
 
-@pytest.mark.parametrize("name", layered(HONEST, HONEST.keys() - {"latency", "order and copies"}))
+CALM = HONEST | SHORT
+
+
+@pytest.mark.parametrize("name", layered(CALM, CALM.keys() - {"latency", "order and copies"}))
 def test_no_honest_agent_is_convicted(name):
-    found = trust("unicycles", **HONEST[name])
-    assert (found.betrayals, found.convictions) == ({}, [])
-
-
-@pytest.mark.parametrize("name", SHORT)
-def test_no_honest_agent_is_convicted_in_a_window_of_a_few_float64(name):
-    found = trust("unicycles", **SHORT[name])
-    assert (found.betrayals, found.convictions) == ({}, [])
+    record = trust("unicycles", **CALM[name])
+    assert (record.betrayals, record.convictions) == ({}, [])
 
 
 @pytest.mark.parametrize("name", LIES)
@@ -77,15 +75,13 @@ def test_a_liar_is_convicted_by_all_that_hear_it(name, network):
 def test_a_hijack_is_an_event_of_both_that_see_it_and_of_one_trajectory():
     faults = [{"kind": "hijack", "at": 0.5, "agents": ["2"]}]
     scenario = phalanx.load("unicycles", {**WATCH, "faults": faults})
-    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
-    assert runs[0].summary.trust == runs[1].summary.trust
-    assert runs[0].summary.trajectory == runs[1].summary.trajectory
-    texts = [text for text in runs[0].events["text"] if "convicts agent 2" in text]
+    run, _ = on_both_engines(scenario)
+    texts = [text for text in run.events["text"] if "convicts agent 2" in text]
     assert [text.split()[1] for text in texts] in (["1", "3"], ["3", "1"])
     unwatched = phalanx.load("unicycles", {**WATCH, "safety.watch": False, "faults": faults})
     calm = phalanx.run(unwatched, engine="in-process").summary
     assert calm.trust is None
-    assert calm.trajectory == runs[0].summary.trajectory
+    assert calm.trajectory == run.summary.trajectory
 
 
 ACTUATORS = {

@@ -57,10 +57,15 @@ def elsewhere(installed: Path, tmp_path: Path) -> dict:
     }
 
 
+def phalanx(options: dict, *words: object, status: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run a command, which ends with this status."""
+    ended = subprocess.run([sys.executable, "-m", "phalanx", *map(str, words)], **options)
+    assert ended.returncode == status, ended.stderr
+    return ended
+
+
 def test_the_command_runs_beside_files_named_like_its_programs(elsewhere: dict) -> None:
-    command = ["run", "unicycles", "--set", "duration=0.5"]
-    done = subprocess.run([sys.executable, "-m", "phalanx", *command], **elsewhere)
-    assert done.returncode == 0, done.stderr
+    done = phalanx(elsewhere, "run", "unicycles", "--set", "duration=0.5")
     assert "guaranteed:" in done.stdout
     assert (elsewhere["cwd"] / "runs" / "unicycles-1" / "report.html").is_file()
 
@@ -76,12 +81,8 @@ def test_readme_snippet_runs_from_the_wheel(installed: Path, elsewhere: dict) ->
 
 
 def test_an_export_is_made_by_what_the_wheel_brings(elsewhere: dict) -> None:
-    phalanx = [sys.executable, "-m", "phalanx"]
-    run = [*phalanx, "run", "pinned", "--engine", "in-process", "--no-report"]
-    assert subprocess.run(run, **elsewhere).returncode == 2
-    export = [*phalanx, "export", "runs/pinned-1", "--png", "pinned.png", "--html", "pinned.html"]
-    done = subprocess.run(export, **elsewhere)
-    assert done.returncode == 0, done.stderr
+    phalanx(elsewhere, "run", "pinned", "--engine", "in-process", "--no-report", status=2)
+    phalanx(elsewhere, "export", "runs/pinned-1", "--png", "pinned.png", "--html", "pinned.html")
     assert (elsewhere["cwd"] / "pinned.png").stat().st_size > 5_000
     assert (elsewhere["cwd"] / "pinned.html").stat().st_size > 50_000
 
@@ -91,31 +92,21 @@ def test_a_scenario_of_an_extension_runs_to_its_verdict_and_its_command_reads_th
     extension: Path, elsewhere: dict, engine: str
 ) -> None:
     elsewhere["env"]["PYTHONPATH"] += f"{os.pathsep}{extension}"
-    phalanx = [sys.executable, "-m", "phalanx"]
-    run = [*phalanx, "run", EXTENSION / "harbour.toml", "--engine", engine, "--no-report"]
-    done = subprocess.run(run, **elsewhere)
-    assert done.returncode == 0, done.stderr
-    assert "guaranteed:" in done.stdout
+    run = ("run", EXTENSION / "harbour.toml", "--engine", engine, "--no-report")
+    assert "guaranteed:" in phalanx(elsewhere, *run).stdout
     other = {"in-process": "processes", "processes": "in-process"}[engine]
-    again = [*phalanx, "verify", "runs/harbour-1", "--engine", other, "--trust"]
-    done = subprocess.run(again, **elsewhere)
-    assert done.returncode == 0, done.stderr
-    closest = [*phalanx, "closest", "runs/harbour-1"]
-    done = subprocess.run([*closest, "--trust"], **elsewhere)
-    assert done.returncode == 0, done.stderr
+    phalanx(elsewhere, "verify", "runs/harbour-1", "--engine", other, "--trust")
+    done = phalanx(elsewhere, "closest", "runs/harbour-1", "--trust")
     assert "east-west came closest: its largest h is -" in done.stdout
-    done = subprocess.run(closest, **elsewhere)
-    assert done.returncode == 3
-    assert "harbour:" in done.stderr
-    assert "--trust" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    refused = phalanx(elsewhere, "closest", "runs/harbour-1", status=3).stderr
+    assert "harbour:" in refused
+    assert "--trust" in refused
+    assert len(refused.splitlines()) == 1
 
 
 def test_a_check_of_an_extensions_scenario_claims_no_proof_of_its_margin(
     extension: Path, elsewhere: dict
 ) -> None:
     elsewhere["env"]["PYTHONPATH"] += f"{os.pathsep}{extension}"
-    check = ["check", EXTENSION / "harbour.toml", "--trust"]
-    done = subprocess.run([sys.executable, "-m", "phalanx", *check], **elsewhere)
-    assert done.returncode == 0, done.stderr
+    done = phalanx(elsewhere, "check", EXTENSION / "harbour.toml", "--trust")
     assert "nothing proves that the margin harbour:Wake is a bound" in " ".join(done.stdout.split())

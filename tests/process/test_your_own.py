@@ -412,22 +412,14 @@ def test_a_rule_within_a_robot_that_does_not_return_ends_the_run_too(calm, engin
     broken_as(words, {"network.sample.rules": rules}, engine)
 
 
-@pytest.mark.parametrize("link", ["network", "network.sample", "network.actuation"])
+@pytest.mark.parametrize("link", ["network", "network.sample", "network.actuation", "faults"])
 def test_a_users_rule_is_asked_before_the_run(calm, link):
     rules = [{"type": "failing:Rain", "how": "nothing", "first": 0}]
-    with pytest.raises(
-        phalanx.ScenarioError, match=r"at message 0 from .*Rain\.treat: .* got None"
-    ):
-        phalanx.run(phalanx.load("calm.toml", {f"{link}.rules": rules}), engine="in-process")
-
-
-def test_a_rule_of_a_fault_is_asked_before_the_run(calm):
-    rules = [{"type": "failing:Rain", "how": "raises", "first": 0}]
     fault = {"kind": "link", "at": 1.9, "for": 0.1, "from": "blue", "rules": rules}
-    with pytest.raises(
-        phalanx.ScenarioError, match=r"at message 0 from blue to .*division by zero"
-    ):
-        phalanx.run(phalanx.load("calm.toml", {"faults": [fault]}), engine="in-process")
+    overrides = {"faults": [fault]} if link == "faults" else {f"{link}.rules": rules}
+    expected = r"at message 0 from .*Rain\.treat: .* got None"
+    with pytest.raises(phalanx.ScenarioError, match=expected):
+        phalanx.run(phalanx.load("calm.toml", overrides), engine="in-process")
 
 
 _AT_3 = "agent red failed at sample 3: "

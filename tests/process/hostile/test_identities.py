@@ -16,16 +16,15 @@ import msgspec
 import pytest
 import zenoh
 
+import phalanx
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.hosts.authority import make_identities
-from phalanx.launcher.engine import RunOptions, execute
 from phalanx.messages.credentials import PRIVATE_KEY
 from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.messages.kinds import CommandMessage
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Sealer
-from phalanx.scenario.load import load
 from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub
 from tests.layers import layered
 from tests.process.leaks import files_of, leaks
@@ -123,9 +122,7 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
     assert not refused(programs.membership("1"))
     programs.start_agents()
     with_certificates = programs.summary()
-    calm = tmp_path / "calm"
-    calm.mkdir()
-    alone = execute(load("one-on-one", ["duration=0.3"]), calm, RunOptions("in-process"))
+    alone = phalanx.run(phalanx.load("one-on-one", ["duration=0.3"]), engine="in-process").summary
     assert with_certificates.trajectory == alone.trajectory
     assert with_certificates.outcome is alone.outcome is Outcome.GUARANTEED
     private = {

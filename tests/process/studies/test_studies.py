@@ -46,10 +46,10 @@ class Killer:
     def input(self, view):
         if self.armed:
             self.armed = False
-            left = Path(self.file).read_bytes()
-            if left:
-                Path(self.file).write_bytes(left[1:])
-                if left[:1] == b"s":
+            deaths = Path(self.file).read_bytes()
+            if deaths:
+                Path(self.file).write_bytes(deaths[1:])
+                if deaths[:1] == b"s":
                     os.kill(os.getppid(), 9)
                 os.kill(os.getpid(), 9)
         return np.zeros(2)
@@ -157,18 +157,10 @@ def test_a_point_whose_scenario_is_not_valid_is_a_row_that_says_so(pool):
     assert study.rates()["network.loss"].to_list() == [0.0]
 
 
-def test_a_worker_that_dies_costs_its_run_only_some_time(killer):
+@pytest.mark.parametrize("killed", [b"..", b"ss"], ids=["workers", "fork servers"])
+def test_a_worker_or_fork_server_that_dies_costs_its_run_only_some_time(killer, killed):
     overrides, deaths = killer
-    deaths.write_bytes(b"..")
-    study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2, confirm=0)
-    assert deaths.read_bytes() == b""
-    assert study.frame["seed"].to_list() == [0, 1, 2, 3]
-    assert "broken" not in study.outcomes
-
-
-def test_a_fork_server_that_is_killed_costs_no_run(killer):
-    overrides, deaths = killer
-    deaths.write_bytes(b"ss")
+    deaths.write_bytes(killed)
     study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2, confirm=0)
     assert deaths.read_bytes() == b""
     assert study.frame["seed"].to_list() == [0, 1, 2, 3]
@@ -278,9 +270,9 @@ def test_a_pool_that_is_cancelled_ends_its_workers_at_once():
 def test_a_study_may_use_any_executor(pool):
     plan = {"seeds": 2, "overrides": SHORT, "confirm": 0}
     with ThreadPoolExecutor(1) as threads:
-        found = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
+        study = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
         assert threads.submit(abs, -1).result() == 1  # it is its owner who shuts it down
-    assert results(found) == results(phalanx.study("unicycles", executor=pool, **plan))
+    assert results(study) == results(phalanx.study("unicycles", executor=pool, **plan))
 
 
 def command(*words: object) -> "subprocess.CompletedProcess[str]":

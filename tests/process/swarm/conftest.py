@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.swarm.processes import Run
+from tests.process.swarm.processes import LONG, Run
 
 
 @pytest.fixture
@@ -21,3 +21,11 @@ def phalanx(tmp_path: Path) -> Iterator[Callable[..., Run]]:
     yield start
     for run in started:
         run.kill_all()
+
+
+@pytest.fixture
+def run(phalanx: Callable[..., Run]) -> Run:
+    """A run in its midst, which does not end by itself."""
+    running = phalanx("run", "unicycles", *LONG)
+    running.wait_until_running()
+    return running

@@ -49,6 +49,13 @@ class Run:
         out, err = self.process.communicate(timeout=timeout)
         return self.process.returncode, err + out
 
+    def ends(self, status: int) -> str:
+        """Everything it printed, once it ended with this status and left no process."""
+        actual, printed = self.finish()
+        assert actual == status, printed
+        self.wait_until_gone()
+        return printed
+
     def programs(self) -> dict[str, psutil.Process]:
         """The plant and the agents that run now, by the name that ps shows."""
         programs = {}

@@ -45,10 +45,7 @@ def test_one_process_controls_all_normal_agents(phalanx):
     programs = ["phx-agent-4", "phx-agent-5", "phx-controller", "phx-plant"]
     assert sorted(run.programs()) == programs
     run.programs()["phx-controller"].kill()
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    assert "[phx-controller died (killed by SIGKILL)" in output
+    assert "[phx-controller died (killed by SIGKILL)" in run.ends(3)
 
 
 def test_the_programme_is_solved_once_for_all_who_sample_together():

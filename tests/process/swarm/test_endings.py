@@ -24,13 +24,9 @@ from tests.process.swarm.processes import LONG, PATIENCE
 pytestmark = pytest.mark.swarm
 
 
-def test_ctrl_c_ends_the_run_cleanly(phalanx):
-    run = phalanx("run", "unicycles", *LONG)
-    run.wait_until_running()
+def test_ctrl_c_ends_the_run_cleanly(run):
     os.killpg(run.process.pid, signal.SIGINT)  # as a terminal does: to the whole group
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 130, output
+    output = run.ends(130)
     assert output.splitlines()[-1].startswith("stopped: stopped by the user")
     recording = read(run.folder)
     assert recording.damage is None
@@ -64,8 +60,7 @@ def test_ctrl_c_ends_a_law_that_does_not_return(phalanx, tmp_path, monkeypatch, 
     run = phalanx("run", "unicycles", "--engine", engine, *law)
     wait_for((tmp_path / "asked").exists)
     os.killpg(run.process.pid, signal.SIGINT)
-    assert run.finish()[0] == 130
-    run.wait_until_gone()
+    run.ends(130)
 
 
 @pytest.mark.parametrize(
@@ -80,9 +75,7 @@ def test_sigterm_ends_the_run_as_ctrl_c_does(phalanx, send, engine):
     run = phalanx("run", "unicycles", "--engine", engine, *LONG)
     wait_for(lambda: recorded_bytes(run) > 100_000)
     send(run.process.pid, signal.SIGTERM)
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 130, output
+    output = run.ends(130)
     assert output.splitlines()[-1].startswith("stopped: stopped by the user")
     assert read(run.folder).summary.outcome is Outcome.STOPPED
     assert {"summary.json", "recording.mcap"} <= {file.name for file in run.folder.iterdir()}
@@ -94,25 +87,23 @@ def recorded_bytes(run) -> int:
     return recording.stat().st_size if recording.exists() else 0
 
 
-def test_a_run_whose_launcher_was_killed_goes_on_for_nobody(phalanx):
-    run = phalanx("run", "unicycles", *LONG)
-    run.wait_until_running()
+def test_a_killed_launcher_leaves_no_orphan_and_no_live_run(phalanx, run):
     assert find_live(run.folder)
     run.process.kill()
     assert (run.folder / "live.json").exists()
     wait_for(lambda: find_live(run.folder) is None, PATIENCE)
     run.wait_until_gone()
+    recording = read(run.folder)
+    assert recording.damage is None
+    assert recording.summary.outcome is Outcome.BROKEN
+    assert recording.summary.reason == "the launcher died"
     status, output = phalanx("tap", str(run.folder)).finish()
     assert (status, "no live run" in output) == (64, True)
 
 
-def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
-    run = phalanx("run", "unicycles", *LONG)
-    run.wait_until_running()
+def test_a_killed_agent_breaks_the_run_and_is_named(run):
     run.programs()["phx-agent-2"].kill()
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
+    output = run.ends(3)
     assert "broken: agent 2 died" in output
     assert "[phx-agent-2 died (killed by SIGKILL)" in output
     recording = read(run.folder)
@@ -120,15 +111,10 @@ def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
     assert recording.summary.outcome is Outcome.BROKEN
 
 
-def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(phalanx):
-    run = phalanx("run", "unicycles", *LONG)
-    run.wait_until_running()
+def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(run):
     agents = [process for name, process in run.programs().items() if name != "phx-plant"]
     run.programs()["phx-plant"].kill()
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    assert "phx-plant died (killed by SIGKILL)" in output
+    assert "phx-plant died (killed by SIGKILL)" in run.ends(3)
     assert not any(process.is_running() for process in agents)
     recording = read(run.folder)
     assert "cut short after t = " in recording.damage
@@ -166,17 +152,6 @@ def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_pa
     assert "see the sender's log" in reason
 
 
-def test_a_killed_launcher_leaves_no_orphan(phalanx):
-    run = phalanx("run", "unicycles", *LONG)
-    run.wait_until_running()
-    run.process.kill()
-    run.wait_until_gone()
-    recording = read(run.folder)
-    assert recording.damage is None
-    assert recording.summary.outcome is Outcome.BROKEN
-    assert recording.summary.reason == "the launcher died"
-
-
 STARTING = {
     "at once": lambda run: True,
     "when it has a child": lambda run: len(run.descendants()) > 1,
@@ -200,10 +175,7 @@ def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
     run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: program in run.programs())
     run.programs()[program].kill()
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    assert f"{program} died (killed by SIGKILL)" in output
+    assert f"{program} died (killed by SIGKILL)" in run.ends(3)
 
 
 def test_an_agent_leaves_a_hub_that_is_killed_as_soon_as_it_has_met_it(phalanx, tmp_path):
@@ -239,12 +211,8 @@ def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, engine, missing):
     assert calm.finish()[0] == 0
     whole = (calm.folder / "recording.mcap").stat().st_size
     for short_of in missing:
-        size = whole - short_of
-        run = phalanx(
-            "run", *fast, limit=lambda n=size: resource.setrlimit(resource.RLIMIT_FSIZE, (n, n))
-        )
-        status, output = run.finish()
-        assert status == 3
+        run = phalanx("run", *fast, limit=at_most(resource.RLIMIT_FSIZE, whole - short_of))
+        output = run.ends(3)
         assert "broken: guaranteed, but not written down to its end" in output.splitlines()[-1]
         assert "recording.mcap" in output.splitlines()[-1]
         assert not (run.folder / "summary.json").exists()
@@ -253,64 +221,36 @@ def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, engine, missing):
 
 def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     """A limit on file size is the full disk that needs no root."""
-    run = phalanx("run", "unicycles", limit=limit_files_to_150_kb)
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
+    run = phalanx("run", "unicycles", limit=at_most(resource.RLIMIT_FSIZE, 150_000))
+    output = run.ends(3)
     assert "recording.mcap" in output.splitlines()[-1]
     recording = read(run.folder)
     assert "cut short" in recording.damage
     assert recording.steps
 
 
-def test_a_disk_without_room_for_a_recording_breaks_a_run_in_one_process(phalanx):
-    no_room = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (0, 0))
-    status, output = phalanx("run", "one-on-one", "--engine", "in-process", limit=no_room).finish()
-    assert status == 3, output
+@pytest.mark.parametrize(
+    ("engine", "reason"),
+    [
+        ("in-process", "recording.mcap"),
+        ("processes", "no program can be started: No usable temporary directory"),
+    ],
+)
+def test_a_disk_without_room_for_any_file_breaks_a_run_in_one_line(phalanx, engine, reason):
+    no_room = at_most(resource.RLIMIT_FSIZE, 0)
+    output = phalanx("run", "one-on-one", "--engine", engine, limit=no_room).ends(3)
     assert output.startswith("broken: ")
-    assert "recording.mcap" in output
-    assert len(output.splitlines()) == 1
-
-
-def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
-    """The limit of a file's size is 0, so that no folder is usable."""
-    run = phalanx(
-        "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    )
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    assert output.startswith("broken: no program can be started: No usable temporary directory")
+    assert reason in output
     assert len(output.splitlines()) == 1
 
 
 @pytest.mark.parametrize("megabytes", layered((120, 170), (120,)))
 def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
-    size = megabytes * 1_000_000
-    run = phalanx(
-        "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
-    )
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
+    limit = at_most(resource.RLIMIT_AS, megabytes * 1_000_000)
+    run = phalanx("run", "one-on-one", limit=limit)
+    output = run.ends(3)
     assert output.startswith("too little memory")
     assert len(output.splitlines()) == 1
-
-
-def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, monkeypatch):
-    module = tmp_path / "faulty_law.py"
-    module.write_text(FAULTY_LAW)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    law = '{ type = "faulty_law:Faulty" }'
-    run = phalanx("run", "unicycles", "--set", f"agents.1.law={law}")
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    text = " ".join(output.split())
-    assert re.search(
-        r"Faulty.input: expected no error for agent \w+, got RuntimeError: no such", text
-    )
-    assert f"{module}, line 12" in text
 
 
 def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_path, monkeypatch):
@@ -319,11 +259,10 @@ def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_
     kill = 'faults=[{ kind = "kill", at = 0.005, agents = ["1"] }]'
     law = 'agents.1.law={ type = "faulty_law:Faulty" }'
     run = phalanx("run", "unicycles", "--set", kill, "--set", law)
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
+    output = run.ends(3)
     text = " ".join(output.split())
     assert re.search(r"Faulty.input: expected no error for agent [45], got RuntimeError: no", text)
+    assert "faulty_law.py, line 12" in text
     assert "phx-agent-1 died" not in output
     assert any(line.text.startswith("agent 1 killed") for line in read(run.folder, trust=True).log)
 
@@ -349,16 +288,14 @@ def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
         return over
 
     wait_for(no_plant_is_left)
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
-    assert "phx-plant died (killed by SIGABRT): stuck; log: " in output
+    assert "phx-plant died (killed by SIGABRT): stuck; log: " in run.ends(3)
     assert "stuck_link.py" in log.read_text()
     assert read(run.folder, trust=True).steps
 
 
-def limit_files_to_150_kb() -> None:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+def at_most(kind: int, number: int) -> partial[None]:
+    """A limit of a process's resource of a kind, to be set in it."""
+    return partial(resource.setrlimit, kind, (number, number))
 
 
 STUCK_LINK = """
@@ -420,9 +357,7 @@ def test_an_agent_that_ends_before_it_joins_ends_the_run_at_once_and_is_named(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     law = "agents.0.law={ type = 'failing_user:TrackVelocity', gain = 1.0 }"
     run = phalanx("run", "unicycles", "--set", law, "--set", "time.timeout=600")
-    status, output = run.finish()
-    run.wait_until_gone()
-    assert status == 3
+    output = run.ends(3)
     assert "broken: an agent failed [phx-agent-2 died (" in output
     assert message in output
 
@@ -456,26 +391,19 @@ def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, 
     assert recording.summary.outcome is Outcome.GUARANTEED
 
 
-@pytest.mark.nightly
-def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed(phalanx):
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (24, hard))
-    status, output = phalanx("run", "unicycles", "--set", "duration=0.2", limit=limit).finish()
-    assert status == 0, output
-
-
 @pytest.mark.parametrize("handles", layered((24, 44), (44,)))
 def test_too_few_file_handles_are_said_before_anything_is_started(phalanx, handles):
-    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (handles, handles))
-    run = phalanx("run", "unicycles", limit=limit)
-    status, output = run.finish()
-    assert status == 3, output
+    run = phalanx("run", "unicycles", limit=at_most(resource.RLIMIT_NOFILE, handles))
+    output = run.ends(3)
     assert f"a process may have {handles} file handles" in output
     assert "needs 45: raise the hard limit" in output
     assert not list(run.parent.glob("*/*"))
 
 
-def test_as_many_file_handles_as_are_asked_for_are_enough(phalanx):
-    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (45, 45))
-    status, output = phalanx("run", "unicycles", "--set", "duration=0.2", limit=limit).finish()
-    assert status == 0, output
+@pytest.mark.parametrize("soft", layered((45, 24), (45,)))
+def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed_and_45_are_enough(
+    phalanx, soft
+):
+    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1] if soft < 45 else soft
+    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+    phalanx("run", "unicycles", "--set", "duration=0.2", limit=limit).ends(0)

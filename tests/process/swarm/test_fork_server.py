@@ -24,9 +24,7 @@ def fork_server(run) -> psutil.Process:
     return psutil.Process(parents.pop())
 
 
-def test_programs_are_forked_by_one_process_that_is_none_of_them(phalanx):
-    run = phalanx("run", "unicycles")
-    run.wait_until_running()
+def test_programs_are_forked_by_one_process_that_is_none_of_them(run):
     parent = fork_server(run)
     assert parent.name() == "phalanx-forks"
     assert parent.num_threads() == 1  # it has no session
@@ -39,10 +37,8 @@ def test_a_run_goes_on_to_its_verdict_without_the_fork_server(phalanx):
     run.wait_until_running()
     parent = fork_server(run)
     parent.kill()
-    status, output = run.finish()
-    assert status == 0, output
+    output = run.ends(0)
     assert output.splitlines()[-1].startswith(("guaranteed", "safe"))
-    run.wait_until_gone()
 
 
 def test_a_program_that_does_not_leave_is_killed_by_the_process_that_forked_it_alone(
@@ -65,10 +61,7 @@ def test_a_program_that_does_not_leave_is_killed_by_the_process_that_forked_it_a
 def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(phalanx):
     run = stopped_before_agents(phalanx)
     fork_server(run).kill()
-    status, output = run.finish()
-    assert status == 3
-    assert "the fork server died (killed by SIGKILL)" in output
-    run.wait_until_gone()
+    assert "the fork server died (killed by SIGKILL)" in run.ends(3)
 
 
 def stopped_before_agents(phalanx):

@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from tests.process.runs import wait_for
-from tests.process.swarm.processes import Run
+from tests.process.swarm.processes import LONG, Run
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
@@ -31,35 +31,27 @@ def loads(run: Run, library: str) -> bool:
     return False
 
 
-def assert_no_traceback(printed: str) -> None:
-    """Require none but Python's own, of a Ctrl-C that it drops at the lock of an import."""
+SIGNALS = {
+    "sigterm to the launcher": (os.kill, signal.SIGTERM),  # as a container's runtime does
+    "sigterm to all": (os.killpg, signal.SIGTERM),  # as a service manager does
+    "ctrl-c": (os.killpg, signal.SIGINT),  # as a terminal does
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize(("send", "number"), SIGNALS.values(), ids=SIGNALS)
+def test_a_run_that_is_stopped_while_it_starts_ends_without_a_traceback(
+    phalanx, send, number: signal.Signals, moment: str
+) -> None:
+    run = phalanx("run", "unicycles", *LONG)
+    wait_for(lambda: MOMENTS[moment](run) or run.process.poll() is not None)
+    send(run.process.pid, number)
+    status, printed = run.finish()
+    # Python's own is of a Ctrl-C that it drops at the lock of an import.
     assert "Traceback" not in printed or "_get_module_lock" in printed, printed
-
-
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to the launcher", "to all"])
-def test_sigterm_while_a_run_starts_ends_it_as_a_ctrl_c_does(phalanx, send, moment: str) -> None:
-    """A container's runtime sends it to the launcher alone, a service manager to all."""
-    run = phalanx("run", "unicycles", "--set", "duration=500")
-    wait_for(lambda: MOMENTS[moment](run) or run.process.poll() is not None)
-    send(run.process.pid, signal.SIGTERM)
-    status, printed = run.finish()
-    assert_no_traceback(printed)
-    assert status in (130, -signal.SIGTERM, -signal.SIGINT), printed
-    assert not list(run.parent.glob("*/live.json"))
-    run.wait_until_gone()
-
-
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: str) -> None:
-    run = phalanx("run", "unicycles", "--set", "duration=500")
-    wait_for(lambda: MOMENTS[moment](run) or run.process.poll() is not None)
-    # The terminal sends it to every process of the group.
-    os.killpg(run.process.pid, signal.SIGINT)
-    status, printed = run.finish()
-    assert_no_traceback(printed)
     # Ended by the signal itself, a shell says 130 too.
-    assert status in (130, -signal.SIGINT), printed
+    assert status in (130, -number, -signal.SIGINT), printed
+    assert not list(run.parent.glob("*/live.json"))
     run.wait_until_gone()
 
 
@@ -70,11 +62,8 @@ def test_a_ctrl_c_that_python_drops_ends_the_run_all_the_same(
     """Press Ctrl-C while the lock of an import is released."""
     (tmp_path / "sitecustomize.py").write_text(DROPPED)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    run = phalanx("run", "unicycles", "--set", "duration=500", "--engine", engine)
-    status, printed = run.finish()
-    assert "Exception ignored" in printed
-    assert status == 130, printed
-    run.wait_until_gone()
+    run = phalanx("run", "unicycles", *LONG, "--engine", engine)
+    assert "Exception ignored" in run.ends(130)
 
 
 DROPPED = """

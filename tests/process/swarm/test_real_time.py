@@ -124,9 +124,7 @@ def test_an_agent_that_dies_is_lost_and_the_run_goes_on(
 
     wait_for(lambda: steps_without_it() or run.process.poll() is not None)
     os.killpg(run.process.pid, signal.SIGINT)
-    status, _ = run.finish()
-    run.wait_until_gone()
-    assert status == 130
+    run.ends(130)
     assert read(run.folder, trust=True).summary.outcome is Outcome.STOPPED
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
+import phalanx
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.engine import RunOptions, execute
 from phalanx.messages.keys import PLANT
 from phalanx.messages.membership import Membership
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
@@ -32,14 +32,14 @@ def started(tmp_path: Path):
         programs.end()
 
 
-def test_a_run_at_a_router_is_the_run_without_one(started, tmp_path: Path) -> None:
+def test_a_run_at_a_router_is_the_run_without_one(started) -> None:
     programs = started(2, "one-on-one", "--set", "duration=0.3")
     programs.start_members()
-    assert programs.summary().trajectory == alone(tmp_path, "duration=0.3").trajectory
+    assert programs.summary().trajectory == alone("duration=0.3").trajectory
 
 
 def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_one(
-    started, tmp_path: Path
+    started,
 ) -> None:
     """Containers come so, which their engine restarts whenever they fail."""
     dies = 'faults=[{kind="restart", at=0.1, for=0.4, agents=["2"]}]'
@@ -48,13 +48,12 @@ def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_o
     programs.started[-1].wait()
     programs.started.append(programs.start("agent", "2", "--connect", programs.endpoint))
     summary = programs.summary()
-    assert summary.trajectory == alone(tmp_path, "duration=0.6", dies).trajectory
+    assert summary.trajectory == alone("duration=0.6", dies).trajectory
 
 
-def alone(folder: Path, *overrides: str) -> Summary:
+def alone(*overrides: str) -> Summary:
     """The same run in one process."""
-    (own := folder / "in-process").mkdir()
-    return execute(load("one-on-one", overrides), own, RunOptions("in-process"))
+    return phalanx.run(phalanx.load("one-on-one", overrides), engine="in-process").summary
 
 
 @pytest.mark.parametrize(("identity", "heard"), [(PLANT, True), ("2", False)])

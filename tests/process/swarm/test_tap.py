@@ -62,14 +62,6 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
     assert {len(fields) for _, fields in heard} == {4}, "version, k, t_apply, u and nothing else"
 
 
-@pytest.mark.nightly
-def test_tap_says_where_no_run_goes_on(tmp_path: Path):
-    done = tap(str(tmp_path))
-    assert done.returncode == 64
-    assert "no live run" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 @pytest.mark.timeout(60)
 def test_a_tap_of_a_run_that_the_hub_does_not_know_ends() -> None:
     there = Membership("somebody", free_endpoint(), timeout=0.5)

@@ -41,14 +41,6 @@ def test_a_run_that_was_stopped_before_a_reseed_is_verified(phalanx, tmp_path):
     assert (status, "bit-identical: " in output) == (0, True), output
 
 
-@pytest.mark.nightly
-def test_another_seed_departs_at_the_first_state(phalanx, recorded):
-    seed = ("--seed", "1", "--engine", "in-process")
-    status, output = phalanx("verify", str(recorded.path), *seed).finish()
-    assert status == 1
-    assert "differs: state 0 at t = 0.000000 s: agent 1 x recorded" in output
-
-
 def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
     phalanx, recorded, tmp_path
 ):
@@ -60,17 +52,6 @@ def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
     assert status == 1
     assert f"differs: step {at}, agent 3, k = 17, t = {steps[at].t:.6f} s: u.nu" in output
     assert "(1 steps of float64 apart)" in output
-
-
-@pytest.mark.nightly
-def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
-    run = phalanx("run", "unicycles")
-    run.wait_until_running()
-    os.killpg(run.process.pid, signal.SIGINT)
-    assert run.finish()[0] == 130
-    status, output = phalanx("verify", str(run.folder), "--engine", "in-process").finish()
-    assert status == 0, output
-    assert "stopped by the user; comparing up to its end" in output
 
 
 @pytest.fixture

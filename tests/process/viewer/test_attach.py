@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -64,14 +63,3 @@ def test_a_viewer_says_what_it_does_until_there_is_a_page(finished: Path) -> Non
     with viewer(str(finished)) as page:
         reading, evaluating = (page.printed.index(what) for what in ("reading", "evaluating h of"))
         assert reading < evaluating
-
-
-def test_a_taken_port_is_an_error_that_names_it(tmp_path: Path) -> None:
-    with live_run(load("unicycles", ["duration=1.0"]), tmp_path / "done") as run:
-        run.summary()
-    with socket.create_server(("127.0.0.1", 0)) as holder:
-        port = str(holder.getsockname()[1])
-        command = [sys.executable, "-m", "phalanx", "view", str(run.folder), "--port", port]
-        refused = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert refused.returncode == 3
-    assert f"127.0.0.1:{port}" in refused.stderr

@@ -1,5 +1,7 @@
-"""Each visitor has an agent, a camera and options of its own; time alone is the same for all."""
+"""Each visitor has an agent, a camera and options of its own, and commands if it has the token."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -10,15 +12,17 @@ from websockets.sync.client import connect
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
+from tests.process.runs import COMMAND_SECRET, HELD, LiveRun, live_run, wait_for
 from tests.process.viewer.pages import Client, served, viewer, visitor
 
 pytestmark = pytest.mark.swarm
 
 
-def test_a_command_is_for_the_agent_on_its_button_whatever_others_choose(tmp_path: Path) -> None:
+@contextlib.contextmanager
+def operated(folder: Path) -> Iterator[tuple[LiveRun, Client, Client, str]]:
+    """A live run, visitors with and without the page's token, and the token."""
     with (
-        live_run(load("unicycles", ["duration=1.0"]), tmp_path / "live", HELD) as run,
+        live_run(load("unicycles", ["duration=1.0"]), folder, HELD) as run,
         viewer("--connect", run.endpoint, "--run", "live", command_secret=COMMAND_SECRET) as page,
     ):
         address, _, token = page.url.partition("/?token=")
@@ -29,17 +33,42 @@ def test_a_command_is_for_the_agent_on_its_button_whatever_others_choose(tmp_pat
             connect(f"ws://127.0.0.1:{port}/actions") as acting,
         ):
             operator, other = Client(first), Client(second)
+            acting.send(msgspec.json.encode({"visitor": other.name, "token": "guessed"}))
             acting.send(msgspec.json.encode({"visitor": operator.name, "token": token}))
-            ours, theirs = operator.field("Agent"), other.field("Agent")
-            operator.click(ours, "5")
-            buttons = operator.group("Kill 5")
-            for chosen in (theirs, ours):  # the operator's is not there for others
-                other.click(chosen, "2")
-            operator.click(buttons, "Kill 5")
-            operator.until("(agent 5 killed)")
-            assert "'Kill 2'" not in operator.received
-            run.set_speed(0.0)
-            run.summary()
+            yield run, operator, other, token
+
+
+def test_a_page_without_the_token_shows_and_cannot_command(tmp_path: Path) -> None:
+    with operated(tmp_path / "live") as (run, operator, other, token):
+        groups = {button: operator.group(button) for button in ("Pause", "Kill 1")}
+        other.until("(t = )")  # it sees the run
+        for button, uuid in groups.items():
+            other.click(uuid, button)
+        operator.click(groups["Pause"], "Pause")
+        operator.until("(· paused)")
+        operator.click(groups["Pause"], "Resume")
+        operator.until("(× real time)")
+        run.set_speed(0.0)
+        other.until("(the run is over)")
+        run.summary()
+        for secret in ("Kill", token):
+            assert secret not in other.received
+    kinds = [command.kind for command in read(tmp_path / "live").commands]
+    assert kinds == ["pause", "resume", "speed"]
+
+
+def test_a_command_is_for_the_agent_on_its_button_whatever_others_choose(tmp_path: Path) -> None:
+    with operated(tmp_path / "live") as (run, operator, other, _):
+        ours, theirs = operator.field("Agent"), other.field("Agent")
+        operator.click(ours, "5")
+        buttons = operator.group("Kill 5")
+        for chosen in (theirs, ours):  # the operator's is not there for others
+            other.click(chosen, "2")
+        operator.click(buttons, "Kill 5")
+        operator.until("(agent 5 killed)")
+        assert "'Kill 2'" not in operator.received
+        run.set_speed(0.0)
+        run.summary()
     commands = read(tmp_path / "live").commands
     assert [(c.kind, c.agent) for c in commands] == [("kill", "5"), ("speed", "")]
 

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.messages.kinds import Broadcast
+from phalanx.network.inbox import BroadcastInbox
 from phalanx.network.link import Link, LinkModel, Stage
 from phalanx.network.table import LinkTable
 from phalanx.theory.arrays import Array
@@ -31,3 +33,16 @@ def delays(count: int = MANY, **fields: Any) -> Array:
     """Delays of so many messages [s], shape (count,); none may be lost."""
     link = Link(0, "a", "b", model(**fields))
     return np.array([link.fate(k).delay for k in range(count)], dtype=float)
+
+
+def broadcast(k: int) -> Broadcast:
+    """The broadcast that is sent at k/100 s."""
+    return Broadcast(k=k, t_apply=k / 100, u=(float(k), 0.0))
+
+
+def inbox_of(links: LinkModel, senders: int = 1, count: int = 0) -> BroadcastInbox:
+    """An inbox that listens to senders 0, 1, ..., and holds so many broadcasts of the first."""
+    inbox = BroadcastInbox(range(senders), lambda s: Link(0, f"s{s}", "me", links))
+    for k in range(count):
+        inbox.put(0, broadcast(k))
+    return inbox

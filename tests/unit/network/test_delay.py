@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import ks_1samp, norm, rankdata, spearmanr
 
 from phalanx.network.delay import LONGEST
+from phalanx.network.link import Link
 from tests.unit.network.models import MANY, SOME, delays, model
 
 TIME, JITTER = 0.1, 0.02
@@ -82,8 +83,6 @@ def test_no_delay_is_below_zero():
 
 
 def test_a_floor_grows_with_the_distance():
-    from phalanx.network.link import Link
-
     floor = {"time": 0.001, "per_metre": 0.002}
     link = Link(0, "a", "b", model(delay_floor=floor, delay={"low": 0.0, "high": 0.02}))
     bare = Link(0, "a", "b", model(delay={"low": 0.0, "high": 0.02}))

@@ -10,10 +10,8 @@ from scipy.stats import kstest
 
 from phalanx.messages.kinds import Broadcast
 from phalanx.network.inbox import AnnouncedInput, BroadcastInbox, BroadcastRange, DeliveryReport
-from phalanx.network.link import Link, LinkModel
-from phalanx.scenario.load import load
-from phalanx.swarm.swarm import build_swarm
-from tests.unit.network.models import model
+from phalanx.network.link import Link
+from tests.unit.network.models import broadcast, inbox_of, model
 
 LOSSY = model(loss=0.3, delay={"low": 0.002, "high": 0.05})
 MANY = 4000
@@ -21,15 +19,6 @@ MANY = 4000
 
 def fates(link: Link, ks: "range | list[int]" = range(MANY)) -> list[float | None]:
     return [link.fate(k).delay for k in ks]
-
-
-@pytest.mark.slow
-@settings(max_examples=20)
-@given(st.permutations(range(600)))
-def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking(order):
-    once = dict(zip(range(600), fates(Link(3, "a", "b", LOSSY), range(600)), strict=True))
-    link = Link(3, "a", "b", LOSSY)
-    assert {k: link.fate(k).delay for k in order} == once
 
 
 def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
@@ -46,20 +35,9 @@ def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
     assert len(set(sequences)) == 5
 
 
-@pytest.mark.parametrize("loss", [0.05, 0.3, 0.9])
-def test_the_share_of_losses_is_the_models(loss):
-    lost = sum(f is None for f in fates(Link(0, "a", "b", model(loss=loss))))
-    assert lost / MANY == pytest.approx(loss, abs=4 * np.sqrt(loss * (1 - loss) / MANY))
-
-
 def test_loss_zero_loses_nothing_and_loss_one_everything():
     assert None not in fates(Link(0, "a", "b", model(delay={"low": 0.002, "high": 0.05})))
     assert set(fates(Link(0, "a", "b", model(loss=1.0)))) == {None}
-
-
-def test_losses_are_independent_of_one_another():
-    lost = np.array([f is None for f in fates(Link(0, "a", "b", LOSSY))], dtype=float)
-    assert abs(np.corrcoef(lost[1:], lost[:-1])[0, 1]) < 4 / np.sqrt(MANY)
 
 
 def test_a_constant_delay_is_that_delay():
@@ -75,33 +53,12 @@ def test_a_uniform_delay_fills_its_range_evenly_whatever_is_lost():
     assert kstest(delays, "uniform", args=(0.002, 0.048)).pvalue > 0.01
 
 
-def test_an_override_governs_its_links_and_no_others():
-    scenario = load(
-        "unicycles", ['network.links=[{ from = "1", to = "2", loss = 1.0 }]', "network.delay=0.01"]
-    )
-    swarm = build_swarm(scenario)
-    for one in swarm.names:
-        for other in swarm.names:
-            if one != other:
-                link = Link(0, one, other, swarm.links.model(one, other))
-                assert link.fate(5).delay == (None if (one, other) == ("1", "2") else 0.01)
-
-
 # The inbox. Broadcast k is sent at k/100 s.
-
-
-def broadcast(k: int) -> Broadcast:
-    return Broadcast(k=k, t_apply=k / 100, u=(float(k), 0.0))
 
 
 def upto(*latest: int) -> dict[int, BroadcastRange]:
     """Return ranges of broadcasts of senders 0, 1, ... from 0 up to these; -1: none."""
     return {s: (0, k) for s, k in enumerate(latest) if k >= 0}
-
-
-def inbox_of(links: LinkModel, senders: int = 1) -> BroadcastInbox:
-    """The inbox of agent 9, which listens to senders 0, 1, ..."""
-    return BroadcastInbox(range(senders), lambda s: Link(0, f"s{s}", "me", links))
 
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:

@@ -1,4 +1,6 @@
-"""Losses over 40 000 messages: shares, bursts and correlation as asked for."""
+"""Rules over 40 000 messages: shares, bursts and correlation as asked for."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -6,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from phalanx.network.link import Link
+from phalanx.network.link import Delivery, Link
 from tests.unit.network.models import MANY, SOME, lost, model
 
 
@@ -25,24 +27,50 @@ def chi_square_of_geometric(lengths: np.ndarray, stay: float) -> float:
     return float(chisquare(counts, np.array(shares) * len(lengths)).pvalue)
 
 
-def test_independent_losses_are_as_many_as_asked_for_and_do_not_know_of_one_another():
-    gone = lost(loss=0.3)
-    assert np.mean(gone) == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / MANY))
-    assert chi_square_of_geometric(runs(gone), 0.3) > 0.01
-    pairs = np.bincount(2 * gone[:-1:2] + gone[1::2], minlength=4)
-    expected = np.outer([0.7, 0.3], [0.7, 0.3]).ravel() * (MANY // 2)
+SHARE = 0.2
+AFFECTED: dict[str, Callable[[Delivery], bool]] = {
+    "loss": lambda delivery: delivery.delay is None,
+    "corrupt": lambda delivery: delivery.delay is None,
+    "duplicate": lambda delivery: len(delivery.copies) == 2,
+    "reorder": lambda delivery: delivery.delay == 0.0,
+}
+
+
+def treated(field: str, correlation: float = 0.0) -> np.ndarray:
+    """Return for each message whether the rule treated it, shape (MANY,)."""
+    chance = "random" if field == "loss" else "probability"
+    fields: dict[str, object] = {field: {chance: SHARE, "correlation": correlation}}
+    if field == "reorder":  # without a delay nothing could be
+        fields["delay"] = 0.01
+    link = Link(0, "a", "b", model(**fields))
+    return np.array([AFFECTED[field](link.fate(k)) for k in range(MANY)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("field", AFFECTED)
+def test_without_correlation_no_message_knows_of_another(field):
+    hits = treated(field)
+    assert np.mean(hits) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / MANY))
+    assert chi_square_of_geometric(runs(hits), SHARE) > 0.01
+    pairs = np.bincount(2 * hits[:-1:2] + hits[1::2], minlength=4)
+    expected = np.outer([1 - SHARE, SHARE], [1 - SHARE, SHARE]).ravel() * (MANY // 2)
     assert chisquare(pairs, expected).pvalue > 0.01
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("correlation", [0.25, 0.8])
-def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation):
-    gone = lost(loss={"random": 0.2, "correlation": correlation})
+@pytest.mark.parametrize(
+    ("field", "correlation"),
+    [("loss", 0.25), ("loss", 0.8), ("corrupt", 0.3), ("duplicate", 0.8), ("reorder", 0.5)],
+)
+def test_a_correlation_makes_runs_and_leaves_the_share_as_it_is(field, correlation):
+    hits = treated(field, correlation)
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)
-    assert np.mean(gone) == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / effective))
-    measured = np.corrcoef(gone[1:], gone[:-1])[0, 1]
-    assert measured == pytest.approx(correlation, abs=5.0 / np.sqrt(effective))
-    assert chi_square_of_geometric(runs(gone), correlation + (1.0 - correlation) * 0.2) > 0.01
+    error = 4.0 * np.sqrt(SHARE * (1 - SHARE) / effective)
+    assert np.mean(hits) == pytest.approx(SHARE, abs=error)
+    assert chi_square_of_geometric(runs(hits), correlation + (1.0 - correlation) * SHARE) > 0.01
+    for ahead in (1, 2):
+        measured = np.corrcoef(hits[ahead:], hits[:-ahead])[0, 1]
+        assert measured == pytest.approx(correlation**ahead, abs=5.0 / np.sqrt(effective))
 
 
 @pytest.mark.slow
