@@ -119,7 +119,7 @@ MUTANTS = (
            "trust=True,", _TEST_SECRETS),
     Mutant("a wrong token of a page", "viewer/phalanx_viewer/page/page.py",
            "if hmac.compare_digest(", "if True or hmac.compare_digest(",
-           "tests/process/viewer/test_token.py"),
+           "tests/process/viewer/test_visitors.py -k token"),
     Mutant("a world's robots anywhere", "phalanx/cli/run.py",
            'getattr(resolved.fresh_world(), "router", None)', "None",
            "tests/unit/cli/test_refused.py -k router"),
@@ -281,7 +281,7 @@ MUTANTS = (
     Mutant("a link to a file followed", "phalanx/files/__init__.py",
            "part.replace(path)", "path.write_bytes(part.read_bytes())", "tests/unit/files"),
     Mutant("a recording in no order of time", "phalanx/recording/read.py",
-           "if found.t < (t := newest.setdefault(of, found.t)):", "if False:",
+           "if value.t < (t := newest.setdefault(of, value.t)):", "if False:",
            "tests/unit/recording/test_recording.py"),
 )  # fmt: skip
 

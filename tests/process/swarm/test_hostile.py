@@ -57,10 +57,10 @@ def an_input(**changes: Any) -> Actuation:
 
 
 def a_report(**changes: Any) -> Telemetry:
-    return msgspec.structs.replace(Telemetry(k=10**9, report=made(), ages=()), **changes)
+    return msgspec.structs.replace(Telemetry(k=10**9, report=step(), ages=()), **changes)
 
 
-def made(**changes: Any) -> StepReport:
+def step(**changes: Any) -> StepReport:
     report = StepReport(origin=Origin.ATTACK, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
     return msgspec.structs.replace(report, **changes)
 
@@ -122,13 +122,13 @@ TO_PLANT = {
     "a report for an input": (KEY, INSIDER.seal(KEY, a_report()), "wrong fields"),
     "an input for a report": (REPORT, INSIDER.seal(REPORT, an_input()), "wrong fields"),
     "an unknown origin": (
-        REPORT, INSIDER.seal(REPORT, a_report(report=made(origin="divine"))), "wrong fields"),
+        REPORT, INSIDER.seal(REPORT, a_report(report=step(origin="divine"))), "wrong fields"),
     "an age of nobody's input": (
         REPORT, INSIDER.seal(REPORT, a_report(ages=((77, 0.1),))), "unknown sender"),
     "a residual that is no number": (
-        REPORT, INSIDER.seal(REPORT, a_report(report=made(residual=math.nan))), "not finite"),
+        REPORT, INSIDER.seal(REPORT, a_report(report=step(residual=math.nan))), "not finite"),
     "an enormous residual": (
-        REPORT, INSIDER.seal(REPORT, a_report(report=made(residual=1.7e308))), "too large"),
+        REPORT, INSIDER.seal(REPORT, a_report(report=step(residual=1.7e308))), "too large"),
     "fates of nobody's messages": (
         REPORT,
         INSIDER.seal(REPORT, a_report(fates=(DeliveryReport(77, 0, 0.0),))),

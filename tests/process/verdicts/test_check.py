@@ -144,13 +144,13 @@ def test_other_seeds_ask_other_states_and_the_same_seed_the_same():
     """Nothing of a check is drawn but from (seed, purpose)."""
     low, high = np.array([0.0, -1.0, 5.0, 5.0]), np.array([1.0, 1.0, 5.5, 9.0])
 
-    def drawn(seed: int, purpose: str) -> np.ndarray:
+    def draw_states(seed: int, purpose: str) -> np.ndarray:
         return np.array(list(drawn_states(seed, purpose, low, high, 300)))
 
-    states = drawn(0, "inside")
-    assert (states == drawn(0, "inside")).all()
-    assert not (states == drawn(1, "inside")).any()
-    assert not (states == drawn(0, "boundary")).any()
+    states = draw_states(0, "inside")
+    assert (states == draw_states(0, "inside")).all()
+    assert not (states == draw_states(1, "inside")).any()
+    assert not (states == draw_states(0, "boundary")).any()
     assert states.min(axis=0) == pytest.approx(low, abs=0.05)
     assert states.max(axis=0) == pytest.approx(high, abs=0.05)
 
@@ -208,5 +208,5 @@ def test_states_without_known_bounds_are_asked_for_by_name():
     assert report.formula is None
     assert any("vx, vy, vz in [workspace]" in word for word in report.words)
     bounded = ["workspace={vx=[-1.0,1.0],vy=[-1.0,1.0],vz=[-1.0,1.0]}"]
-    known = check(load("disturbance-gap", bounded))
-    assert known.formula.corrected > known.formula.eta > 0.5
+    bounded_report = check(load("disturbance-gap", bounded))
+    assert bounded_report.formula.corrected > bounded_report.formula.eta > 0.5

@@ -121,7 +121,7 @@ Inputs = Callable[[str, Sample, np.ndarray], Sequence[float]]
 
 
 @pytest.fixture(scope="module", autouse=True)
-def own(tmp_path_factory):
+def own_module(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     (folder / "attack_own.py").write_text(OWN)
     sys.path.insert(0, str(folder))

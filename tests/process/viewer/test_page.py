@@ -55,10 +55,12 @@ def enter(field: "Locator", value: str) -> None:
 
 def click_at(tab: "Tab", canvas: "Locator", share: float) -> None:
     """Click where a canvas shows this share of the run."""
-    left, right = (44, 8) if "phx-plots" in canvas.evaluate("c => c.parentNode.id") else (8, 8)
+    margin_left, margin_right = (
+        (44, 8) if "phx-plots" in canvas.evaluate("c => c.parentNode.id") else (8, 8)
+    )
     box = canvas.bounding_box()
     assert box is not None
-    across = left + share * (box["width"] - left - right)
+    across = margin_left + share * (box["width"] - margin_left - margin_right)
     canvas.click(position={"x": across, "y": box["height"] / 2.0})
 
 

@@ -47,11 +47,11 @@ def test_a_command_says_so(command, folders, tmp_path, capfd):
     assert "guaranteed" in (whole / "summary.json").read_text()
     name, *options = (part.format(whole=whole, file=tmp_path / "made") for part in command)
     status([name, *options, str(cut)])
-    said = "".join(capfd.readouterr())
-    made = cut / "report.html" if name == "report" else tmp_path / "made"
-    said += made.read_text(errors="replace") if made.is_file() else ""
-    assert CUT_SHORT.search(said)
-    assert said.lower().count("guaranteed:") == 0
+    text = "".join(capfd.readouterr())
+    output = cut / "report.html" if name == "report" else tmp_path / "made"
+    text += output.read_text(errors="replace") if output.is_file() else ""
+    assert CUT_SHORT.search(text)
+    assert text.lower().count("guaranteed:") == 0
 
 
 def test_the_api_says_so(folders):

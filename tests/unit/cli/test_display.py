@@ -42,9 +42,9 @@ def test_agents_that_are_waited_for_leave_the_line_whole(screen):
     waiting = Status(waiting_for=tuple(f"agent-number-{n}" for n in range(12)))
     with display.progress(phalanx.load("formation3d-distance")) as show:
         show(waiting)
-    shown = [_CONTROL.sub("", part) for part in lines(screen) if "have joined" in part]
-    assert shown
-    assert all(len(line) <= 80 for line in shown)
+    waiting_lines = [_CONTROL.sub("", part) for part in lines(screen) if "have joined" in part]
+    assert waiting_lines
+    assert all(len(line) <= 80 for line in waiting_lines)
 
 
 def test_the_last_line_of_a_stopped_run_names_who_was_unsafe_until_then():

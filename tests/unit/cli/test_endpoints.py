@@ -59,8 +59,8 @@ def test_a_run_that_goes_on_elsewhere_by_its_folder_is_not_connected_to(
     """The folder may come from an attacker."""
     with announced(tmp_path, Membership("r", "tcp/10.0.0.1:7447", b"secret")):
         assert status([command, str(tmp_path)]) == USAGE_ERROR
-    said = " ".join(capsys.readouterr().err.split())
-    assert "tcp/10.0.0.1:7447 is not for this host alone: expected --insecure" in said
+    printed = " ".join(capsys.readouterr().err.split())
+    assert "tcp/10.0.0.1:7447 is not for this host alone: expected --insecure" in printed
 
 
 @pytest.mark.parametrize("who", [(), ("7",)])

@@ -50,9 +50,9 @@ def test_a_package_that_cannot_be_imported_is_named_and_keeps_no_other_command_f
 ):
     install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
     assert status(["report", str(tmp_path)]) == 3
-    said = capsys.readouterr().err
-    assert "cannot load the commands 'broken' of broken: No module named" in said
-    assert "recording" in said, "and the report says why there is none"
+    printed = capsys.readouterr().err
+    assert "cannot load the commands 'broken' of broken: No module named" in printed
+    assert "recording" in printed, "and the report says why there is none"
 
 
 @pytest.mark.parametrize(
@@ -69,9 +69,9 @@ def test_a_package_that_breaks_when_it_registers_keeps_no_other_command_from_run
 ):
     install("broken", source, "[phalanx.commands]\na = broken:register\n")
     assert status(["report", str(tmp_path)]) == 3
-    said = capsys.readouterr().err
-    assert f"cannot load the commands 'a' of broken: {why}" in said
-    assert "recording" in said
+    printed = capsys.readouterr().err
+    assert f"cannot load the commands 'a' of broken: {why}" in printed
+    assert "recording" in printed
 
 
 def test_what_the_core_brings_looks_for_no_extension(install, capsys, tmp_path):

@@ -44,14 +44,14 @@ def line_of(text):
 
 def test_the_bound_for_the_scenario_is_never_below_what_was_needed(runs, capsys):
     """The conformal bound is of the next interval: at a low level recorded ones are above it."""
-    needed = np.concatenate([each.size for each in intervals(runs[0])])
+    needed = np.concatenate([table.size for table in intervals(runs[0])])
     text = printed(capsys, runs[0], "--level", "0.5")
-    found = line_of(text)
-    assert max(each["bound"] for each in found) >= needed.max()
-    bounds = {f"agents.{k}.disturbance.bound": each["bound"] for k, each in enumerate(found)}
+    tables = line_of(text)
+    assert max(table["bound"] for table in tables) >= needed.max()
+    bounds = {f"agents.{k}.disturbance.bound": table["bound"] for k, table in enumerate(tables)}
     again = phalanx.load("unicycles", {"duration": 0.3, **EVERY, **bounds}, seed=1)
-    for each, group in zip(found, again.agents, strict=True):
-        assert group.disturbance.model_dump() == {"kind": "random", **each}
+    for table, group in zip(tables, again.agents, strict=True):
+        assert group.disturbance.model_dump() == {"kind": "random", **table}
 
 
 @pytest.mark.parametrize("bound", [0.0408500000001, 0.04085, 1.0, 9.9999001, 1e-7, 123456.0])

@@ -16,8 +16,10 @@ def test_without_a_terminal_it_is_a_line_now_and_then(capsys, monkeypatch, every
             show("cma-es", done, f"{done} [violated]")
     printed = capsys.readouterr()
     assert printed.out == ""
-    found = printed.err.splitlines()
-    assert len(found) == lines
-    assert re.fullmatch(r"cma-es .* 0/400 0 \[violated\] -:--:--\s*", found[0])
+    lines_printed = printed.err.splitlines()
+    assert len(lines_printed) == lines
+    assert re.fullmatch(r"cma-es .* 0/400 0 \[violated\] -:--:--\s*", lines_printed[0])
     if lines > 1:
-        assert re.fullmatch(r"cma-es .* 320/400 320 \[violated\] \d:\d\d:\d\d\s*", found[-1])
+        assert re.fullmatch(
+            r"cma-es .* 320/400 320 \[violated\] \d:\d\d:\d\d\s*", lines_printed[-1]
+        )

@@ -20,16 +20,16 @@ from phalanx.cli.options import RealTimeFactor, with_factor
 )
 @pytest.mark.parametrize("scenario_first", [True, False])
 def test_the_factor_is_1_where_none_is_given(arguments, factor, scenario_first) -> None:
-    app, found = typer.Typer(), []
+    app, calls = typer.Typer(), []
 
     @app.command()
     def run(scenario: str, real_time: RealTimeFactor = None, seed: int = 0) -> None:
-        found.append((scenario, real_time))
+        calls.append((scenario, real_time))
 
     name = ["unicycles"]
-    given = name + arguments if scenario_first else arguments + name
-    app(with_factor(given), standalone_mode=False)
-    assert found == [("unicycles", factor)]
+    words = name + arguments if scenario_first else arguments + name
+    app(with_factor(words), standalone_mode=False)
+    assert calls == [("unicycles", factor)]
 
 
 @pytest.mark.parametrize("factor", ["0", "-1", "1e4", "nan", "inf"])

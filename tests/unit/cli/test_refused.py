@@ -103,9 +103,9 @@ def test_it_is_refused_in_a_line_and_nothing_is_made(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     assert status(asked.split()) == USAGE_ERROR
-    said = [line for line in capsys.readouterr().err.splitlines() if "See phalanx" not in line]
-    assert len(said) == 1
-    assert named in said[0]
+    lines = [line for line in capsys.readouterr().err.splitlines() if "See phalanx" not in line]
+    assert len(lines) == 1
+    assert named in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -125,8 +125,8 @@ def test_a_plant_does_not_write_over_a_recording(tmp_path, capsys):
 
 
 def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(tmp_path, capsys):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        endpoint = f"tcp/127.0.0.1:{listener.getsockname()[1]}"
         asked = ["plant", "--scenario", "one-on-one", "--run", "r", "--listen", endpoint]
         assert status([*asked, "--folder", str(tmp_path)]) == 3
     assert f"cannot listen on {endpoint}" in capsys.readouterr().err

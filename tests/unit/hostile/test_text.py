@@ -42,10 +42,10 @@ def recorded(folder: Path, scenario: Scenario, *, outcome: Outcome = Outcome.VIO
         faults=[FaultCount(HOSTILE, 0)],
     )
     with RecordingWriter(folder / RECORDING, scenario, HOSTILE) as writer:
-        for each in drift(scenario):
-            if hasattr(each, "fates"):
-                each.faults = [(sender, k, [HOSTILE]) for sender, k, _ in each.fates]
-            writer.write(each)
+        for entry in drift(scenario):
+            if hasattr(entry, "fates"):
+                entry.faults = [(sender, k, [HOSTILE]) for sender, k, _ in entry.fates]
+            writer.write(entry)
         writer.write(Log(0.1, HOSTILE))
         writer.write(Command(0.2, HOSTILE, HOSTILE))
         writer.finish(summary)
@@ -71,7 +71,7 @@ def misnamed(tmp_path: Path) -> str:
     return recorded(tmp_path / "misnamed", scenario.model_copy(update={"agents": (named, *others)}))
 
 
-def shown(capsys: pytest.CaptureFixture[str]) -> str:
+def printable_output(capsys: pytest.CaptureFixture[str]) -> str:
     """Return the output: lines of printable text, none of them from the recording alone."""
     out, err = capsys.readouterr()
     assert [line for line in (out + err).split("\n") if not line.isprintable()] == []
@@ -95,10 +95,10 @@ def shown(capsys: pytest.CaptureFixture[str]) -> str:
 def test_a_command_prints_text(
     command: list[str], hostile: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    places = {"RUN": hostile, "OUT": str(tmp_path / "out"), "OUT.html": str(tmp_path / "out.html")}
-    places |= {"RUNS": str(tmp_path), "OUT.mcap": str(tmp_path / "out.mcap")}
-    status([places.get(part, part) for part in command])
-    assert shown(capsys)
+    paths = {"RUN": hostile, "OUT": str(tmp_path / "out"), "OUT.html": str(tmp_path / "out.html")}
+    paths |= {"RUNS": str(tmp_path), "OUT.mcap": str(tmp_path / "out.mcap")}
+    status([paths.get(part, part) for part in command])
+    assert printable_output(capsys)
     for page in tmp_path.glob("**/*.html"):
         assert TAGS not in page.read_text(encoding="utf-8")
 
@@ -119,7 +119,7 @@ def test_an_agent_of_a_name_that_no_agent_has_is_refused_in_text(
 ) -> None:
     name, *rest = command
     assert status([name, misnamed, *(misnamed if part == "RUN" else part for part in rest)]) == 3
-    assert "expected 1 to 32 of a-z 0-9 _ -" in shown(capsys)
+    assert "expected 1 to 32 of a-z 0-9 _ -" in printable_output(capsys)
 
 
 def test_check_prints_the_text_of_a_scenario_as_it_is(
@@ -128,7 +128,7 @@ def test_check_prints_the_text_of_a_scenario_as_it_is(
     escape = tmp_path / "hostile.toml"
     escape.write_text(f"{json.dumps(HOSTILE)} = 1\n", encoding="utf-8")
     assert status(["check", str(escape)]) == 64
-    assert "unknown field" in shown(capsys)
+    assert "unknown field" in printable_output(capsys)
 
 
 def test_the_figures_of_a_run_are_printed_as_text(
@@ -141,7 +141,7 @@ def test_the_figures_of_a_run_are_printed_as_text(
     assert summary is not None
     print_summary(summary)
     echo(last_line(summary))
-    assert MARKUP in shown(capsys)
+    assert MARKUP in printable_output(capsys)
 
 
 def test_a_notebook_shows_text(hostile: str) -> None:

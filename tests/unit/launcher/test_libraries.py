@@ -41,7 +41,7 @@ def test_it_is_loaded_from_where_the_launcher_has_it_and_not_from_the_working_di
     script.write_text(ASKS)
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}
     environment["PYTHONPATH"] = str(Path(__file__).parents[3])
-    said = subprocess.run(
+    ended = subprocess.run(
         [sys.executable, script], cwd=elsewhere, env=environment, capture_output=True, text=True
     )
-    assert said.stdout == f"there\n{environment['PYTHONPATH']} None\n", said.stderr
+    assert ended.stdout == f"there\n{environment['PYTHONPATH']} None\n", ended.stderr

@@ -58,8 +58,8 @@ def test_a_pipe_in_its_place_is_refused_in_words(tmp_path: Path, capsys, command
     (folder / RECORDING).touch()
     os.mkfifo(folder / LIVE)
     assert status([command, str(tmp_path if command == "runs" else folder)]) == FAILED
-    said = " ".join(capsys.readouterr().err.split())
-    assert f"{folder / LIVE}: expected a regular file" in said
+    printed = " ".join(capsys.readouterr().err.split())
+    assert f"{folder / LIVE}: expected a regular file" in printed
 
 
 @pytest.mark.timeout(20)
@@ -76,8 +76,8 @@ def test_pipes_in_the_places_of_other_files_are_not_read(tmp_path: Path, capsys)
 
 def test_it_has_a_viewers_keys_and_goes_with_the_run(tmp_path: Path) -> None:
     with announced(tmp_path, OURS):
-        found = find_live(tmp_path)
-        assert found is not None
-        assert found.credentials == OURS.credentials
-        assert not found.secret
+        live = find_live(tmp_path)
+        assert live is not None
+        assert live.credentials == OURS.credentials
+        assert not live.secret
     assert find_live(tmp_path) is None

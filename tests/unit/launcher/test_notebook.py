@@ -17,8 +17,8 @@ def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
     assert answer == "a run can end guaranteed: every pair is certified at the start"
     assert words
     assert all(line.startswith("- ") for line in words)
-    shown = repr(summary_of(scenario, "too\x1b[2J close"))
-    assert shown == (
+    text = repr(summary_of(scenario, "too\x1b[2J close"))
+    assert text == (
         r"Summary(violated after 20 s: 'too\x1b[2J close', worst h 0.25 of 1-4 at t = 0.300 s)"
     )
 
@@ -26,10 +26,10 @@ def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
 @pytest.mark.slow
 def test_a_notebook_shows_them_as_tables_with_every_text_escaped() -> None:
     scenario = phalanx.load("one-on-one", {"description": "x<y>"}, seed=4)
-    shown = scenario._repr_html_()
-    assert shown.startswith("<p>one-on-one: x&lt;y&gt;, 20 s, seed 4</p><table>")
-    assert "1 normal" in shown
-    assert "10 ms" in shown
+    html = scenario._repr_html_()
+    assert html.startswith("<p>one-on-one: x&lt;y&gt;, 20 s, seed 4</p><table>")
+    assert "1 normal" in html
+    assert "10 ms" in html
     report = phalanx.check(scenario)
     assert report._repr_html_().startswith(f"<p><b>{report.answer}</b></p><ul><li>")
     summary = summary_of(scenario, "too <i>close")._repr_html_()

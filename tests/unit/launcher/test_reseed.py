@@ -33,9 +33,9 @@ QUIET = {
 def halves(reseed: list[dict[str, float]], **overrides: object) -> list[str]:
     """Return all states and decided broadcasts up to AT, and those after it."""
     scenario = phalanx.load("unicycles", {**SHORT, **overrides, "reseed": reseed})
-    found = phalanx.run(scenario, engine="in-process").recording
-    records = [*found.states, *((step.t, step.agent, step.fates) for step in found.steps)]
-    times = [each.t for each in (*found.states, *found.steps)]
+    recording = phalanx.run(scenario, engine="in-process").recording
+    records = [*recording.states, *((step.t, step.agent, step.fates) for step in recording.steps)]
+    times = [each.t for each in (*recording.states, *recording.steps)]
     return [
         str([record for t, record in zip(times, records, strict=True) if (t <= AT) is before])
         for before in (True, False)
@@ -48,9 +48,9 @@ def test_nothing_changes_before_it_and_the_rest_after_it(what):
     quiet = {} if what == "clocks and disturbances" else QUIET
     overrides = {**quiet, **RANDOM[what]}
     before, after = halves([], **overrides)
-    again, drawn = halves([{"at": AT, "seed": 8}], **overrides)
+    again, after_reseed = halves([{"at": AT, "seed": 8}], **overrides)
     assert again == before
-    assert drawn != after
+    assert after_reseed != after
 
 
 @pytest.mark.slow

@@ -62,17 +62,17 @@ def test_an_agent_that_starts_anew_has_received_nothing_yet():
 @pytest.mark.slow
 def test_commanded_it_has_the_bits_of_a_run_with_these_commands():
     run, other = begin(), begin()
-    for each in (run, other):
-        each.until(0.05)
-        each.command("loss", value=0.8)
-        each.command("kill", "2", at=0.1)
-        each.until(0.12)
+    for stepped_run in (run, other):
+        stepped_run.until(0.05)
+        stepped_run.command("loss", value=0.8)
+        stepped_run.command("kill", "2", at=0.1)
+        stepped_run.until(0.12)
     assert other.command("restart", "2").t > 0.12
-    for each in (run, other):
-        each.until()
-    hashes = [each.end().summary.trajectory for each in (run, other)]
+    for stepped_run in (run, other):
+        stepped_run.until()
+    hashes = [stepped_run.end().summary.trajectory for stepped_run in (run, other)]
     assert hashes[0] != hashes[1]
-    assert hashes == [in_one_go(each) for each in (run, other)]
+    assert hashes == [in_one_go(stepped_run) for stepped_run in (run, other)]
     assert phalanx.verify(other.end(), engine="in-process")
 
 
@@ -81,16 +81,19 @@ def test_it_shows_what_its_tables_have():
     with begin(duration=0.05) as run:
         assert run.t == 0.0
         assert all((u == 0.0).all() for u in run.inputs.values())
-        seen = [(t, run.states, run.h, run.inputs) for t in run]
+        instants = [(t, run.states, run.h, run.inputs) for t in run]
     finished = run.end()
     for row, h_row, (t, states, h, _) in zip(
-        finished.states.iter_rows(named=True), finished.h.iter_rows(named=True), seen, strict=False
+        finished.states.iter_rows(named=True),
+        finished.h.iter_rows(named=True),
+        instants,
+        strict=False,
     ):
         assert row["t"] == t
         assert [row["1.x"], row["1.y"], row["1.theta"]] == states["1"].tolist()
         assert {label: h_row[label] for label in h} == h
     last = finished.inputs.filter(agent="1").row(-1, named=True)
-    assert [v for n, v in last.items() if n.startswith("u.")] == seen[-1][3]["1"].tolist()
+    assert [v for n, v in last.items() if n.startswith("u.")] == instants[-1][3]["1"].tolist()
 
 
 @pytest.mark.slow
@@ -126,10 +129,10 @@ def test_an_error_of_its_program_ends_it_and_goes_on(tmp_path: Path):
     with pytest.raises(KeyError), phalanx.start(scenario, out=tmp_path) as run:  # noqa: PT012
         run.until(0.1)
         run.states["nobody"]
-    found = phalanx.open(run.folder)
-    assert found.verdict is Outcome.STOPPED
-    assert found.summary.reason == "ended by KeyError: 'nobody'"
-    assert found.states["t"].max() == run.t
+    reopened = phalanx.open(run.folder)
+    assert reopened.verdict is Outcome.STOPPED
+    assert reopened.summary.reason == "ended by KeyError: 'nobody'"
+    assert reopened.states["t"].max() == run.t
 
 
 def pressing(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -156,9 +159,9 @@ def test_ctrl_c_in_a_step_ends_it_and_is_raised(
         run.until()
     assert run.over
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    found = phalanx.open(run.folder)
-    assert found.summary.reason == "stopped by the user"
-    assert phalanx.verify(found, engine="in-process")
+    reopened = phalanx.open(run.folder)
+    assert reopened.summary.reason == "stopped by the user"
+    assert phalanx.verify(reopened, engine="in-process")
 
 
 @pytest.mark.slow
@@ -198,9 +201,9 @@ def test_forgotten_it_is_on_record(tmp_path: Path):
     folder, t = run.folder, run.t
     del run
     gc.collect()
-    found = phalanx.open(folder)
-    assert found.summary.reason == "its program left it"
-    assert found.states["t"].max() == t
+    reopened = phalanx.open(folder)
+    assert reopened.summary.reason == "its program left it"
+    assert reopened.states["t"].max() == t
 
 
 @pytest.mark.slow

@@ -16,11 +16,13 @@ from tests.unit.report.recordings import drift, record, summary_of, swarm_in_spa
 def twins(tmp_path: Path) -> tuple[Recording, Recording]:
     """The same run, recorded twice."""
     scenario = swarm_in_space(2, 1, {})
-    found = []
+    recordings = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
-        found.append(read(record(tmp_path / name, scenario, drift(scenario), summary_of(scenario))))
-    return found[0], found[1]
+        recordings.append(
+            read(record(tmp_path / name, scenario, drift(scenario), summary_of(scenario)))
+        )
+    return recordings[0], recordings[1]
 
 
 def test_the_same_run_has_no_difference_whatever_its_wall_times(twins):
@@ -37,9 +39,9 @@ def test_every_number_of_a_state_is_compared(twins, field):
     value = getattr(state, field)
     changed = [*value[:-1], value[-1] + 1e-12] if field == "x" else value + 1e-12
     setattr(state, field, changed)
-    found = first_difference(first, second)
-    assert found.startswith(f"state 7 at t = {first.states[7].t:.6f} s: ")
-    assert f" s: {'agent a0 z' if field == 'x' else field} recorded " in found
+    difference = first_difference(first, second)
+    assert difference.startswith(f"state 7 at t = {first.states[7].t:.6f} s: ")
+    assert f" s: {'agent a0 z' if field == 'x' else field} recorded " in difference
 
 
 @pytest.mark.parametrize(

@@ -131,8 +131,8 @@ def test_a_fault_is_of_the_messages_sent_in_its_time_also_if_they_are_late(
     links = load("unicycles", {"faults": faults}).links()
     link = Link(0, "1", "2", links.model("1", "2"))
     link.override(None, commanded)
-    found = [link.fate(k, sent=k / 10).delay for k in range(30)]
-    assert found == [during if 10 <= k < 15 else otherwise for k in range(30)]
+    delays = [link.fate(k, sent=k / 10).delay for k in range(30)]
+    assert delays == [during if 10 <= k < 15 else otherwise for k in range(30)]
 
 
 @dataclass(frozen=True)

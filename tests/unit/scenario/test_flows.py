@@ -27,12 +27,14 @@ def centers(scenario: Scenario) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_agents_and_obstacles_start_in_the_box_and_apart(name, seed):
     scenario = load(name, {"agents.0.count": 56, "agents.1.count": 8}, seed=seed)
-    places = np.vstack([starts(scenario), centers(scenario)])
-    assert len(places) == 64 + 8
-    between = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
+    positions = np.vstack([starts(scenario), centers(scenario)])
+    assert len(positions) == 64 + 8
+    between = np.linalg.norm(positions[:, None] - positions[None], axis=2) + 1e9 * np.eye(
+        len(positions)
+    )
     assert between.min() >= scenario.flows.apart
-    half = scenario.flows.side(64, places.shape[1]) / 2
-    assert 0.8 * half < np.abs(places).max() <= half
+    half = scenario.flows.side(64, positions.shape[1]) / 2
+    assert 0.8 * half < np.abs(positions).max() <= half
 
 
 @pytest.mark.parametrize(("name", "axes"), [("swarm", 3), ("swarm2d", 2)])

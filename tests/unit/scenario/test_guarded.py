@@ -66,7 +66,7 @@ LINE = Failing.prepare.__code__.co_firstlineno + 7
 """Of the division by zero."""
 
 
-def made(kind: type, how: Any) -> Any:
+def instance(kind: type, how: Any) -> Any:
     return construct(kind, {"type": f"{__name__}:Failing", "how": how})
 
 
@@ -78,7 +78,7 @@ def mistake(call: Any, *arguments: Any) -> str:
 
 @pytest.mark.parametrize(("kind", "method"), CALLS)
 def test_a_method_that_fails_is_named_with_file_and_line(kind, method):
-    said = mistake(getattr(made(kind, "raises"), method))
+    said = mistake(getattr(instance(kind, "raises"), method))
     assert said.startswith(
         f"Failing.{method}: expected no error, got ZeroDivisionError: division by zero ("
     )
@@ -88,7 +88,7 @@ def test_a_method_that_fails_is_named_with_file_and_line(kind, method):
 @pytest.mark.parametrize(("kind", "method"), CALLS)
 def test_a_method_that_does_not_return_is_named(kind, method):
     with endless_loops(0.02):
-        said = mistake(getattr(made(kind, "hangs"), method))
+        said = mistake(getattr(instance(kind, "hangs"), method))
     assert "expected no error, got an endless loop, or too slow (" in said
 
 
@@ -96,9 +96,9 @@ def test_a_method_that_does_not_return_is_named(kind, method):
 def test_a_refusal_by_protocol_stays_what_it_is(kind, method):
     if method in ("prepare", "join", "require_robots"):
         with pytest.raises(ValueError, match=r"^it does not fit$"):
-            getattr(made(kind, "refuses"), method)()
+            getattr(instance(kind, "refuses"), method)()
     else:
-        assert "ValueError: it does not fit" in mistake(getattr(made(kind, "refuses"), method))
+        assert "ValueError: it does not fit" in mistake(getattr(instance(kind, "refuses"), method))
 
 
 BODY = Body(ca.SX.sym("x"), ca.SX(0))
@@ -115,12 +115,12 @@ WRONG = [
 
 @pytest.mark.parametrize(("kind", "method", "arguments", "expected"), WRONG)
 def test_what_it_may_not_return_is_named(kind, method, arguments, expected):
-    said = mistake(getattr(made(kind, None), method), *arguments)
+    said = mistake(getattr(instance(kind, None), method), *arguments)
     assert said.startswith(f"Failing.{method}: expected {expected}, got None (")
 
 
 def test_an_expression_depends_on_no_earlier_call():
-    alpha, s = made(ClassK, "asked"), ca.SX.sym("s")
+    alpha, s = instance(ClassK, "asked"), ca.SX.sym("s")
     assert [float(alpha.value(s)) for _ in range(2)] == [1.0, 1.0]
-    law = made(Law, "asked")
+    law = instance(Law, "asked")
     assert [float(law.input(None)) for _ in range(2)] == [1.0, 2.0]

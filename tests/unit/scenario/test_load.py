@@ -39,9 +39,9 @@ def test_agents_start_within_their_spread_of_their_slot():
     scenario = load("unicycles")
     swarm = build_swarm(scenario)
     assert scenario.formation is not None
-    for i, (_, group, place) in enumerate(scenario.roster()):
+    for i, (_, group, index) in enumerate(scenario.roster()):
         x = swarm.start()[swarm.safe_set.parts[i]]
-        slot = scenario.formation.goal(group.slots[place], 0.0).position
+        slot = scenario.formation.goal(group.slots[index], 0.0).position
         assert abs(x[:2] - slot).max() <= 0.2
         assert abs(x[2]) <= 0.3
 
@@ -194,7 +194,7 @@ def test_links_take_the_last_override_that_matches():
         { to = "2", loss = 0.2 },
         { from = "3", to = "1", loss = 0.3, delay = 0.01 },
     ]""".replace("\n", "")
-    found = load("unicycles", [links, "network.loss=0.5"]).links()
+    links_of = load("unicycles", [links, "network.loss=0.5"]).links()
     expected = {
         ("1", "3"): 0.1,
         ("1", "2"): 0.2,
@@ -202,5 +202,5 @@ def test_links_take_the_last_override_that_matches():
         ("3", "1"): 0.3,
         ("2", "1"): 0.5,
     }
-    assert {link: found.model(*link).loss for link in expected} == expected
-    assert found.model("3", "1").described("delay") == "10 ms"
+    assert {link: links_of.model(*link).loss for link in expected} == expected
+    assert links_of.model("3", "1").described("delay") == "10 ms"

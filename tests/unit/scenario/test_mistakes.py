@@ -164,7 +164,7 @@ MISTAKES = [
 
 
 @pytest.fixture
-def own(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch):
     (tmp_path / "mistaken.py").write_text(MODULE)
     (tmp_path / "own.toml").write_text(SCENARIO)
     monkeypatch.chdir(tmp_path)
@@ -174,30 +174,30 @@ def own(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("field", "name", "line"), MISTAKES, ids=[m[1] for m in MISTAKES])
-def test_a_mistake_is_one_line(own, capsys, field, name, line):
+def test_a_mistake_is_one_line(folder, capsys, field, name, line):
     began = time.process_time()
-    assert refusal(own, capsys, "in-process", field, name).count(line) == 1
+    assert refusal(folder, capsys, "in-process", field, name).count(line) == 1
     assert time.process_time() - began < 2.0
 
 
 # What the scenario, its rows at x(0) and a law are refused for; others come the same three ways.
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["RowDrift", "Vector", "Long"])
-def test_it_is_said_before_any_process_starts(own, capsys, name):
+def test_it_is_said_before_any_process_starts(folder, capsys, name):
     (field,) = (field for field, mistake, _ in MISTAKES if mistake == name)
-    said = refusal(own, capsys, "processes", field, name)
-    assert said == refusal(own, capsys, "in-process", field, name)
+    line = refusal(folder, capsys, "processes", field, name)
+    assert line == refusal(folder, capsys, "in-process", field, name)
 
 
-def refusal(own, capsys, engine: str, field: str, name: str) -> str:
+def refusal(folder, capsys, engine: str, field: str, name: str) -> str:
     """The one line that is said of it; nothing is made."""
     mistaken = ["--engine", engine, "--set", f"{field}=mistaken:{name}"]
     assert status(["run", "own.toml", *mistaken]) == USAGE_ERROR
-    (said,) = capsys.readouterr().err.splitlines()
-    assert not (own / "runs").exists()
-    return said
+    (line,) = capsys.readouterr().err.splitlines()
+    assert not (folder / "runs").exists()
+    return line
 
 
 @pytest.mark.slow
-def test_without_a_mistake_it_runs(own):
+def test_without_a_mistake_it_runs(folder):
     assert status(["run", "own.toml", "--engine", "in-process", "--no-report"]) == 0

@@ -166,7 +166,7 @@ start = [[0.0, 0.0], [5.0, 0.0]]
 
 
 @pytest.fixture
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a user's module and scenario, which is the working directory."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "swimming_user.py").write_text(MODULE)
@@ -180,7 +180,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         sys.modules.pop(name, None)
 
 
-def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
+def test_a_users_classes_in_the_working_directory_make_a_swarm(folder):
     scenario = load("own.toml", ["agents.0.dynamics.current=0.7"])
     swarm = build_swarm(scenario)
     dynamics = swarm.members[0].dynamics
@@ -189,11 +189,11 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
     assert build_rows(swarm).chain.relative_degree == 1
 
 
-def test_load_and_check_import_nothing_without_trust(own):
+def test_load_and_check_import_nothing_without_trust(folder):
     table = read_table("one-on-one")
     table["agents"][0]["law"] = {"type": "foreign_user:Law", "gain": 1.0}
-    (own / "foreign.toml").write_text(scenario_text(table))
-    (own / "foreign_user.py").write_text("from phalanx.extend import TrackVelocity as Law\n")
+    (folder / "foreign.toml").write_text(scenario_text(table))
+    (folder / "foreign_user.py").write_text("from phalanx.extend import TrackVelocity as Law\n")
     for door in (load, check):
         with pytest.raises(ScenarioError, match=r"foreign_user:Law.*trust=True"):
             door("foreign.toml", trust=False)
@@ -209,7 +209,7 @@ def test_check_takes_the_name_of_a_scenario_as_run_does():
         check("one-on-on")
 
 
-def test_a_class_within_another_is_named_by_both(own):
+def test_a_class_within_another_is_named_by_both(folder):
     scenario = load("own.toml", ["agents.0.law.type=swimming_user:Pool.Float"])
     law = scenario.agents[0].law_object()
     assert type(law).__name__ == "Float"
@@ -283,7 +283,7 @@ def test_a_class_within_another_is_named_by_both(own):
         ("agents.0.dynamics.type=5", ["agents.0.dynamics: expected one of unicycle"]),
     ],
 )
-def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(own, override, fragments):
+def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(folder, override, fragments):
     with pytest.raises(ScenarioError) as error:
         load("own.toml", [override])
     for fragment in fragments:
@@ -298,14 +298,14 @@ def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(own, overr
         ["safety.composition=pairs", "safety.margin=local", "safety.eta=0"],
     ],
 )
-def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them(own, proven):
+def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them(folder, proven):
     tired = "agents.0.dynamics.type=swimming_user:Tired"
     with pytest.raises(ScenarioError, match=r"input bounds of [ab]\b"):
         require_runnable(build_swarm(load("own.toml", [tired, *proven])))
 
 
 @pytest.mark.slow
-def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(own):
+def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(folder):
     report = check(load("own.toml", ["agents.0.dynamics.type=swimming_user:Tired"]))
     assert report.formula is None
     assert report.largest_gap is None

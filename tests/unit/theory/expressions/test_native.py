@@ -61,14 +61,14 @@ def _built() -> MappedFunction:
 def test_machine_code_computes_the_bits_of_the_interpreter(folder, rng):
     values = rng.normal(scale=10.0, size=900)
     values[:9] = 0.0, -0.0, np.inf, -np.inf, np.nan, 1e-310, 1e300, 1.0, -1.0
-    places = np.arange(900).reshape(300, 3)
-    expected = _mapped()(values, places)
+    rows = np.arange(900).reshape(300, 3)
+    expected = _mapped()(values, rows)
     compiled = _built()
     assert native(compiled._function) is not None
-    found = compiled(values, places)
-    assert np.array_equal(found, expected, equal_nan=True)
-    known = ~np.isnan(expected)
-    assert np.array_equal(np.signbit(found)[known], np.signbit(expected)[known])
+    numbers = compiled(values, rows)
+    assert np.array_equal(numbers, expected, equal_nan=True)
+    defined = ~np.isnan(expected)
+    assert np.array_equal(np.signbit(numbers)[defined], np.signbit(expected)[defined])
 
 
 @pytest.mark.slow

@@ -212,7 +212,7 @@ class Shifted:
         (lambda s: -600.0 * s, Falling(), 0.0, 0),  # here it can
     ],
 )
-def test_psi_keeps_h_only_where_every_part_of_the_argument_holds(h, alpha, ahead, kept):
+def test_psi_keeps_h_only_where_every_part_of_the_argument_holds(h, alpha, ahead, expected):
     """h is a function of how far a is ahead of b."""
     double = [DoubleIntegrator(1.0, 0.0, 2)] * 2
     pair, smooth = (
@@ -223,4 +223,4 @@ def test_psi_keeps_h_only_where_every_part_of_the_argument_holds(h, alpha, ahead
     chain = replace(chain, set=pair, psi=(pair.h_tot, chain.psi[1]))
     keeps = ca.Function("k", [pair.x, e[0].u], [keeps_chain(chain, [alpha, Linear(1.0)], e)])
     x = np.array([ahead, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0])
-    assert float(keeps(x, np.zeros(2))) == kept
+    assert float(keeps(x, np.zeros(2))) == expected

@@ -125,10 +125,10 @@ def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(mix
     ]
     for l, (A, b) in enumerate(expected):
         c = terms.c[l]
-        found = terms.polytopes[l]
+        u_set = terms.polytopes[l]
         sizes = np.linalg.norm(A, axis=1)
-        assert np.allclose(found.A, A / sizes[:, None])
-        assert np.allclose(found.b, b / sizes)
+        assert np.allclose(u_set.A, A / sizes[:, None])
+        assert np.allclose(u_set.b, b / sizes)
         assert terms.least[l] == pytest.approx(program(c, A, b), rel=1e-6, abs=1e-7)
         assert terms.most[l] == pytest.approx(-program(-c, A, b), rel=1e-6, abs=1e-7)
 
@@ -171,11 +171,11 @@ def test_an_empty_constant_polytope_is_refused_when_the_chain_is_compiled():
 def test_what_the_allowance_admits_is_within_reach_of_the_polytope(seed, m):
     """Distance is convex, so the vertices of what is admitted are the farthest."""
     rng = np.random.default_rng(seed)
-    found = polytope(*random_polytope(rng, m))
-    admitted = vertices(found.A, found.b + found.allowance)
-    farthest = np.linalg.norm(admitted[:, None] - found.corners, axis=2).min(axis=1).max()
+    u_set = polytope(*random_polytope(rng, m))
+    admitted = vertices(u_set.A, u_set.b + u_set.allowance)
+    farthest = np.linalg.norm(admitted[:, None] - u_set.corners, axis=2).min(axis=1).max()
     assert 0.0 < farthest <= ACTUATION
-    assert found.allowance <= ACTUATION
+    assert u_set.allowance <= ACTUATION
 
 
 def test_a_box_is_allowed_what_its_corner_may_move():
@@ -194,10 +194,10 @@ def test_a_needle_is_allowed_no_more_than_its_point_may_move():
 
 def test_a_polytope_of_numbers_is_found_once_and_nobody_can_write_to_it():
     faces = ca.SX([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    found = constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
-    assert found is constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
-    assert found is constant_polytope(np.array(ca.DM(faces)), np.array([2.0, 2.0, 3.0, 3.0]))
-    assert found.corners.max() == 3.0
-    for array in (found.A, found.b, found.corners, minimiser(np.ones(2), found.corners)):
+    u_set = constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
+    assert u_set is constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
+    assert u_set is constant_polytope(np.array(ca.DM(faces)), np.array([2.0, 2.0, 3.0, 3.0]))
+    assert u_set.corners.max() == 3.0
+    for array in (u_set.A, u_set.b, u_set.corners, minimiser(np.ones(2), u_set.corners)):
         with pytest.raises(ValueError, match="read-only"):
             array *= 0.5

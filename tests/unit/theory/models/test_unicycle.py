@@ -76,10 +76,10 @@ def test_a_single_integrator_lives_in_two_or_three_dimensions(dimension):
 
 @given(angles, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
 def test_a_differential_drive_is_a_unicycle_whose_speed_and_turn_rate_share_two_wheels(
-    theta, left, right
+    theta, rate_left, rate_right
 ):
     drive = DifferentialDrive(20.0, wheel_radius=0.1, track=0.4)
     x = ca.SX([1.0, 2.0, theta])
-    nu, omega = 0.1 * (right + left) / 2, 0.1 * (right - left) / 0.4
-    driven = drive.actuation(x) @ ca.SX([left, right])
+    nu, omega = 0.1 * (rate_right + rate_left) / 2, 0.1 * (rate_right - rate_left) / 0.4
+    driven = drive.actuation(x) @ ca.SX([rate_left, rate_right])
     assert np.allclose(ca.DM(driven), ca.DM(NATIVE.actuation(x) @ ca.SX([nu, omega])))

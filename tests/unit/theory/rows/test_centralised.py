@@ -41,10 +41,10 @@ def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_doe
     rng = np.random.default_rng(seed)
     x = swarm.start() + rng.uniform(-3, 3, 15)
     terms, normal = all_terms()(x), swarm.normal
-    wanted = [rng.uniform(-5, 5, 2) for _ in normal]
+    nominal = [rng.uniform(-5, 5, 2) for _ in normal]
     others = terms.unforced + sum(terms.most[l] for l in (3, 4))
     eta = least - others - sum(terms.least[l] for l in normal)
-    decisions = qp.decide(terms._replace(margin=eta), normal, wanted)
+    decisions = qp.decide(terms._replace(margin=eta), normal, nominal)
     joint, possible = others + eta, least <= 0
     forced = sum(float(terms.c[l] @ d.u) for l, d in zip(normal, decisions, strict=True))
     assert (decisions[0].origin in (Origin.QP, Origin.SOLVER_FAILED)) == possible
@@ -59,10 +59,10 @@ def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_doe
 def test_it_changes_the_nominal_inputs_no_more_than_needed(swarm, qp):
     """Nominal inputs that keep the condition are applied."""
     terms, normal = all_terms()(swarm.start()), swarm.normal
-    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    nominal = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
     row = joint_row(terms, normal)
-    assert row.a @ np.concatenate(wanted) <= row.bound
-    for decision, u_nom in zip(qp.decide(terms, normal, wanted), wanted, strict=True):
+    assert row.a @ np.concatenate(nominal) <= row.bound
+    for decision, u_nom in zip(qp.decide(terms, normal, nominal), nominal, strict=True):
         assert decision.u == pytest.approx(u_nom)
 
 
@@ -71,10 +71,10 @@ def test_without_a_solution_an_agent_without_authority_keeps_its_nominal_input(s
     spans = (0.0, 5.0, 5.0, 0.0, 0.0)
     most = {l: terms.least[l] + span for l, span in enumerate(spans)}
     weak = terms._replace(most=most, unforced=1e3)
-    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
-    decisions = qp.decide(weak, normal, wanted)
+    nominal = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    decisions = qp.decide(weak, normal, nominal)
     assert [d.origin for d in decisions] == [Origin.NO_AUTHORITY, Origin.BACKUP, Origin.BACKUP]
-    assert decisions[0].u == pytest.approx(wanted[0])
+    assert decisions[0].u == pytest.approx(nominal[0])
 
 
 def test_pairs_and_a_central_controller_exclude_each_other():

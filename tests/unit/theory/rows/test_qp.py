@@ -32,7 +32,7 @@ def nearest_by_active_sets(u_nom, weights, A, b) -> np.ndarray | None:
     return best
 
 
-def drawn(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
+def draw_problem(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     A, b = random_polytope(rng, m)
     unit = np.linalg.norm(A, axis=1)
@@ -52,7 +52,7 @@ def cutting_row(rng: np.random.Generator, u_set: Polytope, size: float, share: f
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.02, 1.2))
 @settings(max_examples=60)
 def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
-    rng, u_set, weights, u_nom = drawn(seed, m)
+    rng, u_set, weights, u_nom = draw_problem(seed, m)
     row = cutting_row(rng, u_set, 10.0**log_size, share)
     u = NearestInput(tuple(weights)).solve(u_nom, u_set, row)
     exact = nearest_by_active_sets(
@@ -67,7 +67,7 @@ def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size
 
 @given(seed=seeds, m=st.integers(1, 3))
 def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
-    _, u_set, weights, u_nom = drawn(seed, m)
+    _, u_set, weights, u_nom = draw_problem(seed, m)
     u = NearestInput(tuple(weights)).solve(u_nom, u_set)
     assert u == pytest.approx(nearest_by_active_sets(u_nom, weights, u_set.A, u_set.b), abs=2e-5)
 
@@ -75,7 +75,7 @@ def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), gap=st.floats(0.01, 3.0))
 @settings(max_examples=40)
 def test_an_infeasible_row_gives_none(seed, m, log_size, gap):
-    rng, u_set, weights, u_nom = drawn(seed, m)
+    rng, u_set, weights, u_nom = draw_problem(seed, m)
     row = cutting_row(rng, u_set, 10.0**log_size, -gap)
     assert NearestInput(tuple(weights)).solve(u_nom, u_set, row) is None
 
@@ -92,14 +92,14 @@ def test_a_row_without_authority_holds_for_all_inputs_or_for_none(bound, feasibl
 @settings(max_examples=15)
 def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m):
     """Adaptive ρ and warm starts would carry memory from one step into the next."""
-    rng, u_set, weights, _ = drawn(seed, m)
-    kept = NearestInput(tuple(weights))
+    rng, u_set, weights, _ = draw_problem(seed, m)
+    solver = NearestInput(tuple(weights))
     for _ in range(12):
         u_nom = rng.uniform(-9, 9, m)
         row = cutting_row(rng, u_set, 10.0 ** rng.uniform(-6, 3), rng.uniform(-0.3, 0.9))
         moved = polytope(u_set.A, u_set.b + rng.uniform(0, 1, len(u_set.b)))
         fresh = NearestInput(tuple(weights)).solve(u_nom, moved, row)
-        again = kept.solve(u_nom, moved, row)
+        again = solver.solve(u_nom, moved, row)
         assert (fresh is None) is (again is None)
         if fresh is not None and again is not None:
             assert again.tobytes() == fresh.tobytes()
@@ -110,8 +110,8 @@ def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m)
 @settings(max_examples=30)
 def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
     """A zero that vanished from the sparsity pattern would shift all coefficients after it."""
-    rng, _, weights, _ = drawn(seed, 2)
-    kept = NearestInput(tuple(weights))
+    rng, _, weights, _ = draw_problem(seed, 2)
+    solver = NearestInput(tuple(weights))
     triangles = [[[-1, 0], [0, -1], [1, 1]], [[0.6, 0.8], [-1, 0.2], [0.1, -1]]]
     for A in triangles * 2:
         u_set, u_nom = polytope(np.array(A, dtype=float), np.ones(3)), rng.uniform(-4, 4, 2)
@@ -119,7 +119,7 @@ def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
         exact = nearest_by_active_sets(
             u_nom, weights, np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
         )
-        assert kept.solve(u_nom, u_set, row) == pytest.approx(exact, abs=2e-5)
+        assert solver.solve(u_nom, u_set, row) == pytest.approx(exact, abs=2e-5)
 
 
 def test_an_answer_is_the_callers_to_keep():
@@ -170,7 +170,7 @@ def test_a_solution_at_a_sharp_corner_is_no_farther_out_than_an_actuator_admits(
         assert u is None or np.linalg.norm(u) <= ACTUATION or u[0] <= 0.0
 
 
-def drawn_box(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
+def draw_box(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
     """A generator, a box, weights, and a nominal input that is often outside of it."""
     rng = np.random.default_rng(seed)
     ends = np.sort(rng.uniform(-3, 3, (2, m)), axis=0)
@@ -192,7 +192,7 @@ def nearest(u_nom, weights, box, a, bound) -> list[float] | None:
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.0, 1.2))
 @settings(max_examples=100)
 def test_in_a_box_the_nearest_input_that_satisfies_the_row_is_exact(seed, m, log_size, share):
-    rng, box, weights, u_nom = drawn_box(seed, m)
+    rng, box, weights, u_nom = draw_box(seed, m)
     a = normal(rng, m, log_size)
     least, most = extremes(a, box.corners)
     bound = least + share * (most - least)
@@ -204,7 +204,7 @@ def test_in_a_box_the_nearest_input_that_satisfies_the_row_is_exact(seed, m, log
 
 @given(seed=seeds, m=st.integers(1, 3), gap=st.floats(1e-3, 3.0))
 def test_a_row_that_no_input_keeps_has_no_answer(seed, m, gap):
-    rng, box, weights, u_nom = drawn_box(seed, m)
+    rng, box, weights, u_nom = draw_box(seed, m)
     a = rng.normal(size=m)
     least, _ = extremes(a, box.corners)
     assert nearest(u_nom, weights, box, a, least - gap) is None
@@ -213,7 +213,7 @@ def test_a_row_that_no_input_keeps_has_no_answer(seed, m, gap):
 @pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3))
 def test_a_row_that_one_corner_keeps_but_for_rounding_is_answered_by_that_corner(seed, m):
-    rng, box, weights, u_nom = drawn_box(seed, m)
+    rng, box, weights, u_nom = draw_box(seed, m)
     a = rng.normal(size=m)
     least, _ = extremes(a, box.corners)
     u = nearest(u_nom, weights, box, a, least - 1e-12)
@@ -222,7 +222,7 @@ def test_a_row_that_one_corner_keeps_but_for_rounding_is_answered_by_that_corner
 
 @pytest.mark.parametrize("bound", [np.inf, 0.0, -np.inf])
 def test_a_bound_that_is_not_finite_is_kept_by_every_input_or_by_none(bound):
-    _, box, weights, u_nom = drawn_box(0, 3)
+    _, box, weights, u_nom = draw_box(0, 3)
     u = nearest(u_nom, weights, box, np.zeros(3), bound)
     assert (u is None) is (bound == -np.inf)
     if u is not None:

@@ -43,7 +43,7 @@ def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
     return along(twin.h_tot, x, rate) + ALPHA * twin.h_tot(x) + ETA
 
 
-def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndarray]]:
+def draw_state(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndarray]]:
     rng = np.random.default_rng(seed)
     x = rng.uniform(-2.5, 2.5, swarm().composed.x.numel())
     polytopes = terms_function()(x).polytopes
@@ -58,7 +58,7 @@ def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndar
 @given(seed=seeds, i=st.sampled_from(NORMAL), silent=st.sampled_from(NORMAL))
 def test_the_papers_row_is_the_joint_condition_with_who_was_not_heard_at_its_worst(seed, i, silent):
     """All are heard where it is agent i itself that is silent."""
-    _, x, u = drawn(seed)
+    _, x, u = draw_state(seed)
     terms = terms_function()(x)
     heard = {l: u[l] for l in NORMAL if l not in (i, silent)}
     worst = u | {l: maximiser(terms.c[l], terms.polytopes[l].corners) for l in {silent} - {i}}
@@ -69,7 +69,7 @@ def test_the_papers_row_is_the_joint_condition_with_who_was_not_heard_at_its_wor
 @pytest.mark.slow
 @given(seed=seeds)
 def test_shares_of_all_normal_agents_add_up_to_the_joint_condition(seed):
-    _, x, u = drawn(seed)
+    _, x, u = draw_state(seed)
     rows = {i: split_row(terms_function()(x), i, NORMAL) for i in NORMAL}
     shares = sum(rows[i].a @ u[i] - rows[i].bound for i in NORMAL)
     assert shares == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
@@ -86,7 +86,7 @@ def best_joint_condition(x: np.ndarray) -> float:
 @given(seed=seeds, offset=st.floats(-3, 3).filter(lambda o: abs(o) > 1e-3))
 def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
     """η is chosen so that T = offset, on either side of zero."""
-    _, x, _ = drawn(seed)
+    _, x, _ = draw_state(seed)
     terms = terms_function()(x)
     eta = ETA - best_joint_condition(x) + offset
     for i in NORMAL:
@@ -97,7 +97,7 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
 @pytest.mark.slow
 @given(seed=seeds)
 def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed):
-    terms = terms_function()(drawn(seed)[1])
+    terms = terms_function()(draw_state(seed)[1])
     by_agent = shares(terms, NORMAL)
     spans = [terms.most[l] - terms.least[l] for l in NORMAL]
     assert (by_agent > 0.0).all()
@@ -114,7 +114,7 @@ def solver(i: int) -> NearestInput:
 @pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), share=st.floats(0.01, 1.5))
 def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
-    rng, x, _ = drawn(seed)
+    rng, x, _ = draw_state(seed)
     terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] + share * (terms.most[i] - terms.least[i]))
     polytope = terms.polytopes[i]
@@ -129,7 +129,7 @@ def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
 @pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), gap=st.floats(0.01, 5.0))
 def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
-    rng, x, _ = drawn(seed)
+    rng, x, _ = draw_state(seed)
     terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] - gap)
     polytope = terms.polytopes[i]
@@ -143,7 +143,7 @@ def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
 @pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i):
-    rng, x, _ = drawn(seed)
+    rng, x, _ = draw_state(seed)
     terms = terms_function()(x)
     span = terms.most[i] - terms.least[i]
     row, polytope = Row(terms.c[i], terms.least[i] - 1.0), terms.polytopes[i]

@@ -61,9 +61,9 @@ def test_distance_is_the_hand_formula_and_its_gradient_has_length_one(seed):
         0.5 - (6.0 - (3.0 * p[0] + 4.0 * p[1]) / 5.0),
     ]
     assert values(composed, x) == pytest.approx(expected, rel=1e-12)
-    found = gradients(composed, x)
-    assert np.linalg.norm(found[:, :2], axis=1) == pytest.approx(1.0)
-    assert found == pytest.approx(by_differences(composed, x), abs=1e-7)
+    slopes = gradients(composed, x)
+    assert np.linalg.norm(slopes[:, :2], axis=1) == pytest.approx(1.0)
+    assert slopes == pytest.approx(by_differences(composed, x), abs=1e-7)
 
 
 @pytest.mark.slow
@@ -89,8 +89,8 @@ def test_heading_aware_is_the_hand_formula(adversary, seed):
     ]
     # Two normal agents, or an adversary: then with all the obstacles of both.
     assert values(composed, x)[0] == pytest.approx(expected[0], rel=1e-12)
-    own = [n for n, each in enumerate(composed.pairs) if each.a == 0]
-    assert values(composed, x)[own] == pytest.approx(expected, rel=1e-12)
+    pairs_of_a = [n for n, each in enumerate(composed.pairs) if each.a == 0]
+    assert values(composed, x)[pairs_of_a] == pytest.approx(expected, rel=1e-12)
     assert gradients(composed, x) == pytest.approx(by_differences(composed, x), abs=1e-6)
 
 

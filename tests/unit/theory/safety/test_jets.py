@@ -14,12 +14,12 @@ def test_psi_at_several_states_is_what_each_has_alone_and_pairs_without_weight_c
     rng = np.random.default_rng(q)
     for states, pairs in ((1, 1), (5, 3), (16, 62), (2, 62), (3, 17)):
         h = rng.normal(size=(states, pairs, q + 1)) * [100.0, *[10.0] * q]
-        each = np.exp(rho * (h[..., 0] - h[..., 0].max(axis=1, keepdims=True)))
-        h_tot = h[..., 0].max(axis=1) + np.log(each.sum(axis=1)) / rho
-        w = each / each.sum(axis=1, keepdims=True)
-        found = jets.psi(h_tot, w, h[..., :q])
+        weights = np.exp(rho * (h[..., 0] - h[..., 0].max(axis=1, keepdims=True)))
+        h_tot = h[..., 0].max(axis=1) + np.log(weights.sum(axis=1)) / rho
+        w = weights / weights.sum(axis=1, keepdims=True)
+        psi = jets.psi(h_tot, w, h[..., :q])
         alone = np.stack([jets(one).psi for one in h])
-        assert found == pytest.approx(alone, rel=1e-11, abs=1e-11)
+        assert psi == pytest.approx(alone, rel=1e-11, abs=1e-11)
         w[:, pairs // 2] = 0.0
         without = np.delete(w, pairs // 2, axis=1), np.delete(h[..., :q], pairs // 2, axis=1)
         if pairs > 1:

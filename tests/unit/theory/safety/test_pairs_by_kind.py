@@ -61,13 +61,13 @@ def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
     jets = chosen.jets(x)
     assert jets.h == pytest.approx(along, **close)
     assert chosen.h(x) == pytest.approx(along[:, 0], **close)
-    found = np.zeros_like(forces)
-    found[chosen.force_pair, chosen.force_input] = jets.forces
-    assert found == pytest.approx(forces, **close)
+    forces_of_pairs = np.zeros_like(forces)
+    forces_of_pairs[chosen.force_pair, chosen.force_input] = jets.forces
+    assert forces_of_pairs == pytest.approx(forces, **close)
     for value, gradients in zip(chosen.slopes(x), slopes, strict=True):
-        found = np.zeros_like(gradients)
-        found[chosen.slope_pair, chosen.slope_state] = value
-        assert found == pytest.approx(gradients, **close)
+        forces_of_pairs = np.zeros_like(gradients)
+        forces_of_pairs[chosen.slope_pair, chosen.slope_state] = value
+        assert forces_of_pairs == pytest.approx(gradients, **close)
 
 
 @pytest.mark.parametrize("name", DEGREES)
@@ -86,9 +86,9 @@ def test_a_pairs_bits_do_not_depend_on_what_is_evaluated_beside_it(name):
 
 def test_pairs_are_among_the_seen_alone():
     composed, pairs, _ = swarm("unicycles")
-    found = pairs.among((0, 2, 4), [1])
-    assert found.tolist() == [[0, 2], [0, 4], [2, 4], [0, 6], [2, 6]]
-    chosen = pairs.choose(found)
+    pairs_in_sight = pairs.among((0, 2, 4), [1])
+    assert pairs_in_sight.tolist() == [[0, 2], [0, 4], [2, 4], [0, 6], [2, 6]]
+    chosen = pairs.choose(pairs_in_sight)
     x = np.full(composed.x.numel(), np.nan)
     for l in (0, 2, 4):
         x[composed.parts[l]] = l
@@ -104,8 +104,8 @@ def test_what_is_compiled_does_not_grow_with_the_swarm():
     spheres = [Sphere((float(k), 0.0), 1.0 + k) for k in range(9)]
     for count in (1, 10):
         for around in (spheres[:1], spheres):
-            found = SwarmPairs([*few * count, *[foe] * count], around, Separation(1.0), 1)
-            assert len(found.kinds) == 2
+            swarm_pairs = SwarmPairs([*few * count, *[foe] * count], around, Separation(1.0), 1)
+            assert len(swarm_pairs.kinds) == 2
 
 
 class Picky:

@@ -32,14 +32,14 @@ def true_distance(polygon: Polygon, p: np.ndarray) -> float:
     return 0.0 if inside else float(nearest)
 
 
-def drawn(polygon: Polygon, seed: int) -> np.ndarray:
+def draw_point(polygon: Polygon, seed: int) -> np.ndarray:
     return np.array(polygon.center) + np.random.default_rng(seed).normal(scale=3.0, size=2)
 
 
 @pytest.mark.parametrize("name", POLYGONS)
 @given(seed=seeds)
 def test_the_distance_is_a_lower_bound_nearly_as_large_as_the_true_one(name, seed):
-    polygon, p = POLYGONS[name], drawn(POLYGONS[name], seed)
+    polygon, p = POLYGONS[name], draw_point(POLYGONS[name], seed)
     (found,), true = polygon.distances(p[None]), true_distance(polygon, p)
     assert found <= true + 1e-12
     assert found >= true / 1.3 - polygon.rounding
@@ -48,7 +48,7 @@ def test_the_distance_is_a_lower_bound_nearly_as_large_as_the_true_one(name, see
 @pytest.mark.parametrize("name", POLYGONS)
 @given(seed=seeds)
 def test_expression_and_numbers_agree_and_the_slope_is_that_of_differences(name, seed):
-    polygon, p = POLYGONS[name], drawn(POLYGONS[name], seed)
+    polygon, p = POLYGONS[name], draw_point(POLYGONS[name], seed)
     x = ca.SX.sym("x", 2)
     value, slope = ca.Function(
         "f", [x], [polygon.distance(x), ca.gradient(polygon.distance(x), x)]
@@ -63,7 +63,7 @@ def test_expression_and_numbers_agree_and_the_slope_is_that_of_differences(name,
 @pytest.mark.parametrize("name", POLYGONS)
 @given(seed=seeds)
 def test_away_is_a_unit_vector_uphill(name, seed):
-    polygon, p = POLYGONS[name], drawn(POLYGONS[name], seed)
+    polygon, p = POLYGONS[name], draw_point(POLYGONS[name], seed)
     assume(true_distance(polygon, p) > 0.1)
     x = ca.SX.sym("x", 2)
     away = ca.Function("f", [x], [polygon.away(x)])(p).full().ravel()

@@ -64,8 +64,8 @@ def test_the_bound_is_used_up_by_a_steady_disturbance():
 
 @pytest.mark.parametrize(("away", "T"), [(0.0, 0.01), (0.0, 1e-9), (1e4, 0.01), (1e4, 1e-6)])
 def test_a_lie_of_more_than_twice_the_bound_is_convicted_in_its_window(away, T):
-    own, x = DYNAMICS["single integrator"], np.full((1, 2), away)
-    check = MotionCheck(own, 1.0)
+    dynamics, x = DYNAMICS["single integrator"], np.full((1, 2), away)
+    check = MotionCheck(dynamics, 1.0)
     claimed, seconds = np.array([[[2.0, 0.0]]]), np.array([[T]])
     for off, convicted in ((1.99, False), (2.01, True)):
         # The disturbance helps the liar as much as it can.
@@ -74,9 +74,9 @@ def test_a_lie_of_more_than_twice_the_bound_is_convicted_in_its_window(away, T):
 
 
 def test_what_is_not_convicted_is_explained_by_a_disturbance_within_the_bound():
-    own = DYNAMICS["single integrator"]
-    lies = windows(own, 0.5, 0.0, 4000, np.random.default_rng(3), false=0.3)
-    excess = MotionCheck(own, 1.0).excess(*lies)
+    dynamics = DYNAMICS["single integrator"]
+    lies = windows(dynamics, 0.5, 0.0, 4000, np.random.default_rng(3), false=0.3)
+    excess = MotionCheck(dynamics, 1.0).excess(*lies)
     announced = (lies.u * lies.seconds[..., None]).sum(axis=1)
     needed = np.linalg.norm(lies.after - lies.before - announced, axis=1) / lies.seconds.sum(axis=1)
     assert 0.05 < (excess > 0.0).mean() < 0.95
