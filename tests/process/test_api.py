@@ -121,39 +121,12 @@ def test_a_run_with_a_folder_is_found_there_by_another_process(tmp_path):
     assert again.states.equals(run.states)
 
 
-@pytest.mark.parametrize("engine", ["inprocess", "", "process", None])
-def test_an_engine_that_there_is_not_is_refused_by_all_who_take_one(
-    run: phalanx.Run, tmp_path, engine
-):
-    refused = pytest.raises(ValueError, match="expected 'processes' or 'in-process', got ")
-    with refused:
-        phalanx.run("one-on-one", engine=engine, out=tmp_path / "runs")
-    with refused:
-        phalanx.verify(run, engine=engine)
-    with refused:
-        run.verify(engine=engine)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_progress_is_reported_while_the_run_goes_on():
     statuses: list[phalanx.Status] = []
     phalanx.run(phalanx.load("unicycles", {"duration": 3.0}), engine="in-process",
                 progress=statuses.append)  # fmt: skip
     assert [status.t for status in statuses] == sorted(status.t for status in statuses)
     assert 0 < statuses[-1].t <= 3.0
-
-
-def test_overrides_are_values_by_path_or_texts():
-    by_path = phalanx.load("unicycles", {"safety.eta": 0.5, "agents.1.clock.period": 0.02})
-    by_text = phalanx.load("unicycles", ["safety.eta=0.5", "agents.1.clock.period=0.02"])
-    assert by_path == by_text
-    with pytest.raises(phalanx.ScenarioError, match=r"--set agents\.9"):
-        phalanx.load("unicycles", {"agents.9.role": "normal"})
-
-
-def test_the_fast_engine_refuses_what_only_processes_can_do():
-    with pytest.raises(ValueError, match="in-process"):
-        phalanx.run("pinned", engine="in-process", listen="tcp/127.0.0.1:7447")
 
 
 @pytest.mark.swarm

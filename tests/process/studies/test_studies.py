@@ -143,20 +143,6 @@ def test_runs_are_repeated_as_processes_with_the_same_trajectory():
     assert study.frame["confirmed"].to_list() == [True]
 
 
-def test_a_point_whose_scenario_is_not_valid_is_a_row_that_says_so(pool):
-    study = phalanx.study(
-        "unicycles",
-        vary={"network.loss": [0.0, 1.5]},
-        overrides=SHORT,
-        confirm=0,
-        executor=pool,
-    )
-    valid, refused = study.frame.iter_rows(named=True)
-    assert (valid["outcome"], refused["outcome"]) == ("guaranteed", "refused")
-    assert "network.loss" in refused["reason"]
-    assert study.rates()["network.loss"].to_list() == [0.0]
-
-
 @pytest.mark.parametrize("killed", [b"..", b"ss"], ids=["workers", "fork servers"])
 def test_a_worker_or_fork_server_that_dies_costs_its_run_only_some_time(killer, killed):
     overrides, deaths = killer
@@ -193,15 +179,6 @@ def test_a_study_with_a_broken_run_says_so_and_ends_with_3(killer, tmp_path, cap
     assert status(["study", "open", str(tmp_path / "study")]) == 3
     assert status(command) == 0
     assert status(["study", "open", str(tmp_path / "study")]) == 0
-
-
-def test_a_run_that_kills_every_worker_is_a_row_that_says_so(killer):
-    overrides, deaths = killer
-    deaths.write_bytes(b"...")
-    study = phalanx.study("unicycles", seeds=1, overrides=overrides, confirm=0)
-    (row,) = study.frame.iter_rows(named=True)
-    assert row["outcome"] == "broken"
-    assert "tried 3 times: WorkerDiedError: killed by SIGKILL" in row["reason"]
 
 
 STUDY = """

@@ -12,7 +12,6 @@ from mcap_protobuf.decoder import DecoderFactory
 from phalanx_viewer.export.write import run
 
 import phalanx
-from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.messages.step_report import QUANTITIES
 
@@ -215,22 +214,3 @@ def test_tables_are_read_back_as_they_were(finished, tmp_path, kind, read):
     assert {path.stem for path in written} == names
     states = read(tmp_path / "tables" / f"states.{kind}")
     assert np.array_equal(states.to_numpy(), finished.states.to_numpy())
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ([], "expected one of --html, --png, --mcap, --rerun, --parquet, --csv"),
-        (["--at", "1.0", "--html", "x.html"], "--at: expected --png"),
-    ],
-)
-def test_a_wrong_combination_is_wrong_usage(finished, capsys, options, said):
-    assert status(["export", str(finished.folder), *options]) == USAGE_ERROR
-    assert said in capsys.readouterr().err
-
-
-def test_a_moment_outside_the_run_is_refused_and_nothing_is_written(finished, capsys, tmp_path):
-    png = tmp_path / "x.png"
-    assert status(["export", str(finished.folder), "--png", str(png), "--at", "99"]) == USAGE_ERROR
-    assert "--at: expected 0 to" in capsys.readouterr().err
-    assert not png.exists()

@@ -6,14 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.plots.content import Content, Plot
+from phalanx_viewer.plots.content import Content
 from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import Picture
 
 from phalanx.faults.commands import CommandKind
 from phalanx.messages.kinds import Frame
-from phalanx.recording.curves.history import EMPTY_CODES
-from phalanx.recording.curves.series import LEAST_HORIZON
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import HELD, PACED, live_run, wait_for
@@ -107,41 +105,6 @@ def violations(shown: Content) -> set[tuple[float, str]]:
 
 def plotted(replay: Replay) -> Content:
     return content(replay, range(5), seekable=True)
-
-
-def titled(shown: Content, title: str) -> Plot:
-    return next(plot for plot in shown.plots if plot.title.startswith(title))
-
-
-def test_the_plot_of_certified_times_keeps_the_shortest_and_leaves_adversaries_out(
-    replay: Replay, finished: Path
-) -> None:
-    recorded = [s.certified for s in read(finished).steps if s.agent == "1"]
-    steps, tau = replay.history.agent(0), replay.model.swarm.horizon(0)
-    assert list(steps.numbers["certified"]) == recorded
-    curves = titled(plotted(replay), "Certified for").curves
-    assert [len(curve.t) > 0 for curve in curves] == [True, True, True, False, False]
-    assert min(curves[0].y) == pytest.approx(max(min(recorded) / tau, LEAST_HORIZON), rel=1e-3)
-    assert set(np.round(curves[0].t, 3)) <= set(np.round(steps.t, 3))
-
-
-def test_h_tots_plot_and_the_nearest_pairs_reach_the_recorded_worst(
-    replay: Replay, finished: Path
-) -> None:
-    worst = max(read(finished).h_tot)
-    assert max(titled(plotted(replay), "h_tot").curves[0].y) == pytest.approx(worst, rel=1e-3)
-    *others, nearest = titled(plotted(replay), "h of the worst pairs").curves
-    assert nearest.name == replay.model.label(replay.frame(replay.worst_at).pair)
-    assert all(max(other.y) <= max(nearest.y) for other in others)
-
-
-def test_backup_periods_hold_every_backup_step_and_no_other(replay: Replay) -> None:
-    for i in range(3):
-        steps = replay.history.agent(i)
-        periods = [p for p in plotted(replay).periods if p.agent == i and p.kind == "backup"]
-        inside = [any(p.begin <= t < p.end for p in periods) for t in steps.t[:-1]]
-        assert inside == list(steps.empty[:-1] == EMPTY_CODES["backup"])
-        assert periods or not any(inside)
 
 
 def test_inputs_are_plotted_in_their_units(replay: Replay) -> None:

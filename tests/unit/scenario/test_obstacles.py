@@ -1,10 +1,11 @@
-"""Obstacles of a scenario: polygons, and agents that serve as obstacles that move."""
+"""Obstacles of a scenario: polygons, agents that serve as obstacles, and scattered spheres."""
 
 import numpy as np
 import pytest
 
 import phalanx
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.swarm.swarm import build_swarm
 
 CORNERS = [[3.0, -2.0], [6.5, -3.0], [3.0, -4.0]]
 MISTAKES = {
@@ -27,9 +28,9 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_in_a_polygon_is_one_line(name):
     corners, message = MISTAKES[name]
-    with pytest.raises(ScenarioError, match=message) as found:
+    with pytest.raises(ScenarioError, match=message) as error:
         load("unicycles", {"obstacles": [{"corners": corners}]})
-    assert len(str(found.value).splitlines()) == 1
+    assert len(str(error.value).splitlines()) == 1
 
 
 def test_a_polygon_is_for_agents_in_the_plane():
@@ -62,3 +63,27 @@ def test_carts_are_proven_safe_from_a_ramp_and_from_a_truck_that_crosses_their_p
 def output_points(states, cart: str) -> np.ndarray:
     x, y, theta = (states[f"{cart}.{name}"].to_numpy() for name in ("x", "y", "theta"))
     return np.column_stack([x + 0.25 * np.cos(theta), y + 0.25 * np.sin(theta)])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_obstacles_keep_apart_and_clear_of_every_start(seed):
+    scenario = load("formation3d", seed=seed)
+    centers = np.array([o.center for o in scenario.obstacles])
+    starts = build_swarm(scenario).start().reshape(8, 6)[:, :3]
+    between = np.linalg.norm(centers[:, None] - centers[None], axis=2) + 1e9 * np.eye(10)
+    assert len(centers) == 10
+    assert between.min() >= 10.0
+    assert np.linalg.norm(centers[:, None] - starts[None], axis=2).min() >= 25.0
+
+
+def test_random_obstacles_follow_the_seed_and_are_part_of_the_resolved_scenario():
+    one, two = load("formation3d", seed=1), load("formation3d", seed=2)
+    assert one.obstacles != two.obstacles
+    assert one == load("formation3d", seed=1)
+    assert from_json(to_json(one)).obstacles == one.obstacles
+    assert one.scatter is None
+
+
+def test_no_room_for_obstacles_is_an_error_that_names_the_field():
+    with pytest.raises(ScenarioError, match="scatter: no room for 10 obstacles"):
+        load("formation3d", ["scatter.apart=1000.0"])

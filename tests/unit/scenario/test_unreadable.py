@@ -59,30 +59,29 @@ def test_an_empty_start_is_refused(group):
         load("one-on-one", {f"agents.{group}.start": [[]]})
 
 
-def test_a_file_that_is_not_text_is_refused(tmp_path):
-    path = tmp_path / "noise.toml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ScenarioError, match=r"noise\.toml: cannot be read"):
-        load(str(path))
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("noise.toml", r"noise\.toml: cannot be read"),
+        ("nowhere.toml", r"nowhere\.toml: cannot be read: .*No such file"),
+        ("", "cannot be read: .*directory"),
+    ],
+    ids=["no text", "no file", "a folder"],
+)
+def test_a_path_that_cannot_be_read_is_named(tmp_path, name, message):
+    (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ScenarioError, match=message):
+        load(f"{tmp_path}/{name}")
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ScenarioError, match=r"nowhere\.toml: cannot be read: .*No such file"):
-        load(str(tmp_path / "nowhere.toml"))
-
-
-def test_a_folder_is_not_a_scenario(tmp_path):
-    with pytest.raises(ScenarioError, match=r"cannot be read: .*directory"):
-        load(f"{tmp_path}/")
-
-
-def test_a_misspelt_shipped_name_gets_a_suggestion_and_no_list():
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("unicylces", "did you mean 'unicycles'?"),
+        ("qqqq", "`phalanx scenarios` lists those that ship"),
+    ],
+)
+def test_a_misspelt_name_gets_a_suggestion_and_another_the_command_that_lists_them(name, advice):
     with pytest.raises(ScenarioError) as error:
-        load("unicylces")
-    assert str(error.value) == "unicylces: no such scenario; did you mean 'unicycles'?"
-
-
-def test_a_name_like_no_other_gets_the_command_that_lists_them():
-    with pytest.raises(ScenarioError) as error:
-        load("qqqq")
-    assert str(error.value) == "qqqq: no such scenario; `phalanx scenarios` lists those that ship"
+        load(name)
+    assert str(error.value) == f"{name}: no such scenario; {advice}"
