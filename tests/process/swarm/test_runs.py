@@ -28,13 +28,6 @@ def trajectory(run) -> str:
     return summary.trajectory
 
 
-def test_the_plant_and_every_agent_is_a_process_of_its_own(run):
-    programs = run.programs()
-    assert sorted(programs) == ["phx-agent-1", "phx-agent-2", "phx-agent-3", "phx-agent-4",
-                                "phx-agent-5", "phx-plant"]  # fmt: skip
-    assert len({process.pid for process in programs.values()}) == 6
-
-
 def test_a_run_ends_with_a_verdict_and_names_what_kept_it_from_a_guarantee(phalanx):
     status, output = phalanx(*RARELY).finish()
     assert status == 0

@@ -1,12 +1,16 @@
-"""The command without a subcommand."""
+"""The command without a subcommand, what it imports and when, and its help texts."""
 
+import resource
 import subprocess
 import sys
 
 import pytest
+from rich.text import Text
+from typer.main import get_command
 
 import phalanx
-from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.cli.app import USAGE_ERROR, core, extended, status
+from phalanx.launcher import libraries
 
 
 def test_version_is_told(capsys):
@@ -34,3 +38,58 @@ def test_a_program_of_a_run_starts_without_libraries_of_other_commands(program):
     loaded = f"import sys, phalanx_{program}.main; print(sorted(set({others}) & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True)
     assert found.stdout == "[]\n", found.stderr
+
+
+TOP = get_command(extended()).commands
+COMMANDS = TOP | TOP["network"].commands | TOP["fit"].commands
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_no_word_of_a_help_text_is_taken_for_markup(name):
+    command = COMMANDS[name]
+    for text in (command.help, *(getattr(option, "help", None) for option in command.params)):
+        assert Text.from_markup(text or "").plain == (text or "")
+
+
+def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names():
+    ours = list(get_command(core()).commands)
+    assert [name for name in TOP if name in ours] == ours
+    assert [name for name in TOP if name not in ours] == [
+        "attack", "keys", "router", "report", "compare", "animate",
+        "shrink", "replay", "study", "view", "export", "viewer",
+        "certify", "ros2",
+    ]  # fmt: skip
+
+
+_LIMIT = 2**46
+"""Above all that a process may ever need, so that it limits nothing here."""
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[None]:
+    """One entry for each time that libraries were to be loaded."""
+    found: list[None] = []
+    monkeypatch.setattr(libraries, "start_loading", lambda: found.append(None))
+    return found
+
+
+@pytest.fixture
+def little_memory():
+    """A limit on this process's memory."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (_LIMIT, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@pytest.mark.parametrize(("engine", "times"), [("processes", 1), ("in-process", 0)])
+def test_libraries_are_loaded_ahead_for_processes_alone(asked: list[None], engine, times):
+    assert status(["run", "nobody", "--engine", engine]) == USAGE_ERROR
+    assert len(asked) == times
+
+
+@pytest.mark.usefixtures("little_memory")
+def test_where_memory_has_a_limit_no_process_loads_libraries_on_its_own(asked: list[None]):
+    """Out of memory it would die in words of its own."""
+    assert status(["run", "nobody"]) == USAGE_ERROR
+    assert asked == []

@@ -1,4 +1,4 @@
-"""A run's output in a terminal of 80 columns."""
+"""A run's output in a terminal of 80 columns, and the progress of many runs where there is none."""
 
 import re
 from io import StringIO
@@ -62,3 +62,21 @@ def test_what_is_refused_before_it_begins_shows_no_bar(screen):
     with display.progress(phalanx.load("formation3d-distance")):
         pass
     assert screen.getvalue() == ""
+
+
+@pytest.mark.parametrize(("every", "lines"), [(1e6, 1), (0.0, 5)])
+def test_without_a_terminal_it_is_a_line_now_and_then(capsys, monkeypatch, every, lines):
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.setattr(display, "_EVERY", every)
+    with display.progress_of_runs(400) as show:
+        for done in range(0, 400, 80):
+            show("cma-es", done, f"{done} [violated]")
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    lines_printed = printed.err.splitlines()
+    assert len(lines_printed) == lines
+    assert re.fullmatch(r"cma-es .* 0/400 0 \[violated\] -:--:--\s*", lines_printed[0])
+    if lines > 1:
+        assert re.fullmatch(
+            r"cma-es .* 320/400 320 \[violated\] \d:\d\d:\d\d\s*", lines_printed[-1]
+        )

@@ -1,9 +1,12 @@
-"""phalanx runs: what runs there are, and how each ended."""
+"""The line of a run's summary about its task, and `phalanx runs`: how each run ended."""
 
 import os
+from pathlib import Path
 
 import msgspec
+import pytest
 
+from phalanx.cli import run as command
 from phalanx.cli.app import status
 from phalanx.launcher.live import announced
 from phalanx.messages.membership import Membership
@@ -36,3 +39,30 @@ def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
 def test_a_folder_without_runs_says_how_to_make_one(tmp_path, capsys):
     assert status(["runs", str(tmp_path / "none")]) == 3
     assert "no runs in this folder; make one with: phalanx run" in capsys.readouterr().err
+
+
+def printed(scenario: str, out: Path, capsys: pytest.CaptureFixture[str], *sets: str) -> str:
+    """Run a scenario for a moment; return the summary with single spaces."""
+    asked = ["run", scenario, "--engine", "in-process", "--no-report", "--out", str(out)]
+    chosen = [part for each in ("duration=0.2", *sets) for part in ("--set", each)]
+    assert status([*asked, *chosen]) == 0
+    return " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.slow
+def test_the_summary_says_how_far_the_agents_came(tmp_path, capsys):
+    shown = printed("crossing", tmp_path, capsys)
+    assert "task 0 of 4 arrived, tracking error" in shown
+    assert "m on average, least distance" in shown
+
+
+@pytest.mark.slow
+def test_agents_without_goals_have_no_task(tmp_path, capsys):
+    goals = "agents.0.law={type='chase', gains=[1.0]}"
+    assert "task" not in printed("crossing", tmp_path, capsys, goals, "agents.0.goal=[]")
+
+
+@pytest.mark.slow
+def test_a_large_recording_is_not_read_again(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "_LARGE", 1)
+    assert "task a large recording: see" in printed("crossing", tmp_path, capsys)

@@ -1,13 +1,29 @@
-"""Malformed messages with a valid seal: every receiver drops and counts them."""
+"""Malformed messages with a valid seal, and frames of other runs: dropped, and counted."""
 
+import math
 import random
+import struct
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from phalanx_plant.hub.joining import Joining
+from phalanx_viewer.feeds.live import check_frame
+from phalanx_viewer.scene.model import scene_model
 
-from tests.hostile.messages import SEALER, Receiver, put, receivers, spoilt, spoilt_token
+from phalanx.messages.kinds import AgentStatus, LinkEvent
+from phalanx.messages.seal import Malformed
+from tests.hostile.messages import (
+    KEYS,
+    SCENARIO,
+    SEALER,
+    Receiver,
+    put,
+    receivers,
+    spoilt,
+    spoilt_token,
+)
 from tests.unit.swarms import swarm_of_scenario
 
 EVERYBODY = receivers()
@@ -37,3 +53,26 @@ def test_a_token_under_any_key_is_read(seed: int):
     joining = Joining(swarm_of_scenario("unicycles"), may_leave=False)
     said = joining.on_token(spoilt_token(random.Random(seed)), True)
     assert said is None or "agent 1 runs another scenario" in said
+
+
+GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames).good(0)
+STEP = GOOD.agents[0].step
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"x": GOOD.x[:-8]},
+        {"x": struct.pack("<d", math.nan) + GOOD.x[8:]},
+        {"agents": GOOD.agents[:-1]},
+        {"agents": (AgentStatus(step=replace(STEP, u=(0.0,))), *GOOD.agents[1:])},
+        {"agents": (AgentStatus(step=replace(STEP, u_nom=())), *GOOD.agents[1:])},
+        {"pair": -1},
+        {"link_events": (LinkEvent(0, 5, 0.1),)},
+    ],
+)
+def test_a_frame_of_another_run_is_refused(changes: dict[str, object]):
+    model = scene_model(SCENARIO)
+    check_frame(GOOD, model)
+    with pytest.raises(Malformed):
+        check_frame(replace(GOOD, **changes), model)

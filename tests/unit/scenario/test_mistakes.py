@@ -100,8 +100,8 @@ class Undefined(Rest):
 class Enormous(Rest):
     def input(self, view): return np.full(self.m, 1.7e308)
 
-class Missing(Rest):
-    def input(self, view): return view.x[17]
+class Blind(Rest):
+    def join(self, i, members, obstacles): raise RuntimeError("no camera")
 """
 
 SCENARIO = """
@@ -154,6 +154,7 @@ FUNCTIONS = {
 LAWS = {
     "Long": "Long.input: expected a numpy array of 2 finite numbers for agent a, got shape (3,)",
     "Undefined": "input: expected a numpy array of 2 finite numbers for agent a, got (nan, nan)",
+    "Blind": "own: law of a: Blind.join: expected no error, got RuntimeError: no camera",
     "Enormous": "input: expected a numpy array of 2 finite numbers for agent a, got (1.7e+308, 1.7",
 }
 MISTAKES = [

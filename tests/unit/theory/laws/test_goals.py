@@ -1,10 +1,11 @@
-"""References: a point, waypoints by time or tolerance, a path at a speed, another agent."""
+"""References: points, waypoints, paths, another agent, and slots of a formation."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.theory.laws.formation import Formation
 from phalanx.theory.laws.goals import (
     FixedPoint,
     Follow,
@@ -14,6 +15,7 @@ from phalanx.theory.laws.goals import (
     Sight,
     Stay,
     Waypoints,
+    hold,
 )
 
 CORNER = ((0.0, 0.0), (3.0, 0.0), (3.0, 4.0))
@@ -81,3 +83,72 @@ def test_without_goal_or_leader_in_sight_the_agent_stays(reference):
     assert goal.position.tolist() == [9.0, 8.0]
     assert not goal.velocity.any()
     assert reference.end() is None
+
+
+PATH = ((0.0, 0.0), (16.0, 12.0), (24.0, -12.0), (40.0, 0.0))
+PLANE = Formation(PATH, finish=24.0, radius=4.0, slots=5)
+SPACE = Formation(((0.0, 1.0, 2.0), (3.0, 5.0, 1.0), (4.0, 4.0, 9.0)), 7.0, 2.0, 3)
+inside = st.floats(0.01, 0.99)
+
+
+@pytest.mark.parametrize("formation", [PLANE, SPACE])
+@given(share=inside)
+def test_velocity_and_acceleration_are_derivatives_of_the_position(formation, share):
+    t, dt = share * formation.finish, 1e-4
+    for slot in range(formation.slots):
+        before, now, after = (formation.goal(slot, t + k * dt) for k in (-1, 0, 1))
+        velocity = (after.position - before.position) / (2 * dt)
+        acceleration = (after.velocity - before.velocity) / (2 * dt)
+        assert now.velocity == pytest.approx(velocity, abs=1e-6)
+        assert now.acceleration == pytest.approx(acceleration, abs=1e-6)
+
+
+@given(share=inside)
+def test_the_centre_runs_along_the_bezier_curve(share):
+    """De Casteljau's construction knows nothing of Bernstein polynomials."""
+    points = np.array(PATH)
+    while len(points) > 1:
+        points = (1 - share) * points[:-1] + share * points[1:]
+    assert PLANE.center(24.0 * share).position == pytest.approx(points[0], abs=1e-9)
+
+
+def test_the_path_begins_at_its_first_control_point_and_ends_at_its_last():
+    assert PLANE.center(0.0).position == pytest.approx(PATH[0])
+    assert PLANE.center(24.0).position == pytest.approx(PATH[-1])
+
+
+@given(after=st.floats(0.0, 100.0))
+def test_after_the_finish_the_formation_rests(after):
+    for slot in range(5):
+        goal = PLANE.goal(slot, 24.0 + after)
+        assert goal.position == pytest.approx(PLANE.goal(slot, 24.0).position)
+        assert not goal.velocity.any()
+        assert not goal.acceleration.any()
+
+
+@given(share=st.floats(0.0, 1.2))
+def test_slots_stand_evenly_on_the_circle_around_the_centre(share):
+    t = share * 24.0
+    for slot in range(5):
+        spoke = PLANE.goal(slot, t).position - PLANE.center(t).position
+        angle = 2 * np.pi * slot / 5
+        assert spoke == pytest.approx([4 * np.cos(angle), 4 * np.sin(angle)], abs=1e-9)
+
+
+def test_in_space_the_circle_is_level():
+    spokes = [SPACE.goal(k, 1.0).position - SPACE.center(1.0).position for k in range(3)]
+    assert [s[2] for s in spokes] == pytest.approx([0, 0, 0])
+    assert [np.linalg.norm(s) for s in spokes] == pytest.approx([2, 2, 2])
+
+
+@pytest.mark.parametrize("path", [((0.0, 0.0), (1.0, 0.0, 0.0)), ((0.0,), (1.0,))])
+def test_control_points_of_unequal_or_odd_dimension_are_refused(path):
+    with pytest.raises(ValueError, match="path: expected control points"):
+        Formation(path, 1.0, 1.0, 1)
+
+
+def test_hold_is_a_goal_at_rest():
+    goal = hold(np.array([3.0, 4.0]))
+    assert goal.position == pytest.approx([3.0, 4.0])
+    assert not goal.velocity.any()
+    assert not goal.acceleration.any()
