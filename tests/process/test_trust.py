@@ -46,56 +46,50 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
-def opened(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    name, *options = command.split()
-    arguments = [name, "runs/one-on-one-1", *options]
-    return subprocess.run(
-        [sys.executable, "-m", "phalanx", *arguments], cwd=folder, capture_output=True, text=True
-    )
+def command(folder: Path, words: str, status: int, **environment: str) -> str:
+    """Return all that a command in a folder printed, which ended with this status."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "phalanx", *words.split()],
+        cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert ended.returncode == status, ended.stderr
+    return ended.stderr + ended.stdout
 
 
-@pytest.mark.parametrize("command", READERS)
-def test_a_recording_that_names_code_is_refused_in_one_line(command: str, folder: Path) -> None:
-    ended = opened(command, folder)
-    assert ended.returncode == 3
-    assert "mine:Mine" in ended.stderr
-    assert "--trust" in ended.stderr
-    lines = [line for line in ended.stderr.splitlines() if " INFO " not in line]
+def opened(words: str, folder: Path, status: int) -> str:
+    """Return all that a command printed of the recording in a folder."""
+    name, *options = words.split()
+    return command(folder, " ".join([name, "runs/one-on-one-1", *options]), status)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_recording_that_names_code_is_refused_in_one_line(reader: str, folder: Path) -> None:
+    printed = opened(reader, folder, 3)
+    assert "mine:Mine" in printed
+    assert "--trust" in printed
+    lines = [line for line in printed.splitlines() if " INFO " not in line]
     assert len([line for line in lines if line != "exporting: reading the recording"]) == 1
     assert not (folder / "it-ran").exists()
 
 
 @pytest.mark.parametrize(
-    "command",
+    "words",
     ["check one-on-one", "keys made --scenario one-on-one", "router --run r --scenario one-on-one"],
 )
 def test_a_scenario_that_names_code_is_refused_and_runs_none_of_it(
-    command: str, folder: Path
+    words: str, folder: Path
 ) -> None:
     before = set(folder.iterdir())
-    ended = subprocess.run(
-        [*(sys.executable, "-m", "phalanx"), *command.split(), "--set", NAMES_CODE],
-        cwd=folder, capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
-    assert ended.returncode == 64
-    assert "mine:Mine" in ended.stderr
-    assert "--trust" in ended.stderr
+    printed = command(folder, f"{words} --set {NAMES_CODE}", 64)
+    assert "mine:Mine" in printed
+    assert "--trust" in printed
     assert set(folder.iterdir()) == before
 
 
 def test_keys_of_a_scenario_that_is_trusted_are_made(folder: Path, tmp_path: Path) -> None:
-    command = ["keys", str(tmp_path / "keys"), "--scenario", "one-on-one", "--set", NAMES_CODE]
-    phalanx = [sys.executable, "-m", "phalanx"]
-    subprocess.run([*phalanx, *command, "--trust"], cwd=folder, check=True)
+    keys = f"keys {tmp_path}/keys --scenario one-on-one --set {NAMES_CODE} --trust"
+    command(folder, keys, 0)
     assert (tmp_path / "keys" / "1" / "tls.key").exists()
-    (folder / "it-ran").unlink()
-
-
-@pytest.mark.nightly
-def test_with_trust_it_is_imported(folder: Path) -> None:
-    ended = opened("report --trust", folder)
-    assert ended.returncode == 0, ended.stderr
-    assert (folder / "it-ran").exists()
     (folder / "it-ran").unlink()
 
 
@@ -114,15 +108,9 @@ class Mine(TrackVelocity):
 
 def test_the_law_of_a_run_does_not_see_its_secrets(tmp_path: Path) -> None:
     (tmp_path / "peek.py").write_text(PEEKING)
-    options = ["--set", "agents.0.law.type=peek:Mine", "--set", "duration=0.1", "--no-report"]
-    ended = subprocess.run(
-        [sys.executable, "-m", "phalanx", "run", "one-on-one", *options],
-        cwd=tmp_path,
-        env={**os.environ, "PHALANX_SECRET": "hush-1", "PHALANX_COMMAND_SECRET": "hush-2"},
-        capture_output=True,
-        text=True,
-    )
-    assert ended.returncode == 0, ended.stderr
+    secrets = {"PHALANX_SECRET": "hush-1", "PHALANX_COMMAND_SECRET": "hush-2"}
+    peeking = "run one-on-one --set agents.0.law.type=peek:Mine --set duration=0.1 --no-report"
+    command(tmp_path, peeking, 0, **secrets)
     assert "hush" not in (tmp_path / "seen").read_text()
 
 
@@ -132,9 +120,8 @@ def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written, elsewhere = tmp_path_factory.mktemp("written"), tmp_path_factory.mktemp("moved")
     (written / "far_law.py").write_text(MODULE.replace("class", "import far_gain\nclass"))
     (written / "far_gain.py").write_text("GAIN = 1\n")
-    options = ["--set", "agents.0.law.type=far_law:Mine", "--set", "duration=0.2", "--out", "runs"]
-    command = [sys.executable, "-m", "phalanx", "run", "one-on-one", *options]
-    subprocess.run(command, cwd=written, check=True, capture_output=True)
+    options = "--set agents.0.law.type=far_law:Mine --set duration=0.2 --out runs"
+    command(written, f"run one-on-one {options}", 0)
     (written / "runs").rename(elsewhere / "runs")
     for module in ("far_law.py", "far_gain.py"):
         (written / module).unlink()
@@ -144,26 +131,24 @@ def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_elsewhere_a_recording_without_trust_runs_nothing_and_says_what_it_brought(
     moved: Path,
 ) -> None:
-    ended = opened("report", moved)
-    assert ended.returncode == 3
-    assert len(ended.stderr.splitlines()) == 1
-    assert "--trust" in ended.stderr
-    assert "recorded with it: far_law.py, far_gain.py" in ended.stderr
+    printed = opened("report", moved, 3)
+    assert len(printed.splitlines()) == 1
+    assert "--trust" in printed
+    assert "recorded with it: far_law.py, far_gain.py" in printed
     assert not (moved / "it-ran").exists()
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    "command", ["report", "verify", "verify --engine in-process", "certify", "export --csv csv"]
+    "reader", ["report", "verify", "verify --engine in-process", "certify", "export --csv csv"]
 )
 def test_elsewhere_a_trusted_recording_brings_its_modules(
-    command: str, moved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    reader: str, moved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(os.environ, "TMPDIR", str(tmp_path))
-    ended = opened(f"{command} --trust", moved)
-    assert ended.returncode == 0, ended.stderr
-    assert "imported from the recording: far_law.py, far_gain.py" in ended.stderr
-    assert ("bit-identical" in ended.stdout) == command.startswith("verify")
+    printed = opened(f"{reader} --trust", moved, 0)
+    assert "imported from the recording: far_law.py, far_gain.py" in printed
+    assert ("bit-identical" in printed) == reader.startswith("verify")
     assert (moved / "it-ran").exists()
     assert list(tmp_path.glob("phalanx-modules-*")) == []
     (moved / "it-ran").unlink()
@@ -172,7 +157,6 @@ def test_elsewhere_a_trusted_recording_brings_its_modules(
 def test_a_module_found_here_that_differs_is_not_the_one_that_is_used(moved: Path) -> None:
     other = moved / "far_law.py"
     other.write_text("raise SystemExit('the wrong one')\n")
-    ended = opened("verify --engine in-process --trust", moved)
+    printed = opened("verify --engine in-process --trust", moved, 0)
     other.unlink()
-    assert ended.returncode == 0, ended.stderr
-    assert "imported from the recording: far_law.py, far_gain.py" in ended.stderr
+    assert "imported from the recording: far_law.py, far_gain.py" in printed

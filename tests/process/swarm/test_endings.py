@@ -140,7 +140,7 @@ WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding", ga
 
 def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_path):
     endpoint = free_endpoint()
-    of_run = ("--set", "time.timeout=5", "--set", "duration=1", "--set", WITHHOLDING)
+    of_run = ("--set", "time.timeout=10", "--set", "duration=1", "--set", WITHHOLDING)
     common = ("--scenario", "unicycles", "--run", "r", *of_run)
     phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
     first, *_ = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]

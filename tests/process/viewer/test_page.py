@@ -4,6 +4,7 @@ import math
 import os
 import re
 import threading
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
-from phalanx_viewer.feeds.replay import open_replay
+from phalanx_viewer.feeds.replay import Replay, open_replay
+from phalanx_viewer.page.page import Page
 from phalanx_viewer.plots.plots import content
 
 import phalanx
@@ -64,6 +66,15 @@ def click_at(tab: "Tab", canvas: "Locator", share: float) -> None:
     canvas.click(position={"x": across, "y": box["height"] / 2.0})
 
 
+@pytest.fixture
+def replayed(tab: "Tab", finished: Path) -> Iterator[tuple[Replay, Page]]:
+    """A replay, and its page, which is in the tab."""
+    with served(replay := open_replay(finished)) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.locator("#phx-plots canvas").first.wait_for()
+        yield replay, page
+
+
 @pytest.mark.nightly
 def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
     tab: "Tab", finished: Path
@@ -112,26 +123,23 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finis
 
 
 @pytest.mark.nightly
-def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Path) -> None:
-    replay = open_replay(finished)
-    with served(replay) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.locator("#phx-plots canvas").first.wait_for()
-        tab.keyboard.press("End")
-        wait_for(lambda: time_shown(tab) == round(replay.end, 3))
-        tab.keyboard.press("Shift+ArrowLeft")
-        wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * (1.0 - 10 / 500), abs=0.01))
-        tab.keyboard.press("Home")
-        wait_for(lambda: time_shown(tab) == 0.0)
-        tab.keyboard.press("Shift+ArrowRight")
-        wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * 10 / 500, abs=0.01))
-        stepped = replay.times[np.searchsorted(replay.times, replay.t, side="right")]
-        tab.keyboard.press(".")
-        wait_for(lambda: replay.t == stepped)
-        tab.keyboard.press("Space")
-        wait_for(lambda: replay.playing)
-        tab.keyboard.press("Space")
-        wait_for(lambda: not replay.playing)
+def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", replayed) -> None:
+    replay, _ = replayed
+    tab.keyboard.press("End")
+    wait_for(lambda: time_shown(tab) == round(replay.end, 3))
+    tab.keyboard.press("Shift+ArrowLeft")
+    wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * (1.0 - 10 / 500), abs=0.01))
+    tab.keyboard.press("Home")
+    wait_for(lambda: time_shown(tab) == 0.0)
+    tab.keyboard.press("Shift+ArrowRight")
+    wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * 10 / 500, abs=0.01))
+    stepped = replay.times[np.searchsorted(replay.times, replay.t, side="right")]
+    tab.keyboard.press(".")
+    wait_for(lambda: replay.t == stepped)
+    tab.keyboard.press("Space")
+    wait_for(lambda: replay.playing)
+    tab.keyboard.press("Space")
+    wait_for(lambda: not replay.playing)
 
 
 @pytest.mark.nightly
@@ -256,39 +264,29 @@ def test_an_action_for_a_page_that_is_gone_does_not_move_the_next_one(
 
 
 @pytest.mark.nightly
-def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
-    tab: "Tab", finished: Path
-) -> None:
-    replay = open_replay(finished)
+def test_the_space_time_diagram_shows_the_worst_moment_in_detail(tab: "Tab", replayed) -> None:
+    replay, _ = replayed
     diagram = content(replay, range(5), seekable=True).plots[-1].zoom
     assert diagram is not None
-    with served(replay) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_role("button", name="worst moment (z)").wait_for()
-        canvas = tab.locator("#phx-plots canvas").last
-        whole = pixels(canvas)
-        tab.keyboard.press("z")
-        wait_for(lambda: pixels(canvas) != whole)
-        click_at(tab, canvas, 0.5)
-        middle = (diagram.begin + diagram.end) / 2.0
-        wait_for(
-            lambda: replay.t == pytest.approx(middle, abs=0.01 * (diagram.end - diagram.begin))
-        )
-        tab.get_by_role("button", name="whole run (z)").click()
-        click_at(tab, canvas, 0.25)
-        wait_for(lambda: replay.t == pytest.approx(0.25 * replay.end, abs=0.05))
+    tab.get_by_role("button", name="worst moment (z)").wait_for()
+    canvas = tab.locator("#phx-plots canvas").last
+    whole = pixels(canvas)
+    tab.keyboard.press("z")
+    wait_for(lambda: pixels(canvas) != whole)
+    click_at(tab, canvas, 0.5)
+    middle = (diagram.begin + diagram.end) / 2.0
+    wait_for(lambda: replay.t == pytest.approx(middle, abs=0.01 * (diagram.end - diagram.begin)))
+    tab.get_by_role("button", name="whole run (z)").click()
+    click_at(tab, canvas, 0.25)
+    wait_for(lambda: replay.t == pytest.approx(0.25 * replay.end, abs=0.05))
 
 
 @pytest.mark.nightly
-def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
-    tab: "Tab", finished: Path
-) -> None:
-    replay = open_replay(finished)
-    with served(replay) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("· paused").wait_for()
-        replay.over = True
-        tab.get_by_text("the run is over").wait_for()
+def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(tab: "Tab", replayed) -> None:
+    replay, _ = replayed
+    tab.get_by_text("· paused").wait_for()
+    replay.over = True
+    tab.get_by_text("the run is over").wait_for()
 
 
 @pytest.mark.nightly
