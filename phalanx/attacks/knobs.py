@@ -181,8 +181,8 @@ def _fault(budget: FaultBudget, scenario: Scenario) -> Knobs:
         begin, lasts, strength = numbers
         at = rounded(begin * 0.95 * scenario.duration)
         span = rounded(max(0.01, lasts * min(budget.longest, scenario.duration)))
-        fault_of = _FAULTS[budget.kinds[kind - 1]]
-        return {"faults": [fault_of(name, at, span, strength, facts[name].states[0])]}
+        state = facts[name].states[0]
+        return {"faults": [_fault_table(budget.kinds[kind - 1], name, at, span, strength, state)]}
 
     several = (len(agents),) if len(agents) > 1 else ()
     return Knobs(3, (1 + len(budget.kinds), *several), fields)
@@ -192,51 +192,26 @@ _SAYS: tuple[Fields, ...] = ({"says": "opposite"}, {"says": "zero"}, {"equivocat
     {"replay": 50}, {"silent": True})  # fmt: skip
 
 
-def _lie(name: str, at: float, span: float, strength: float, _: str) -> Fields:
-    says = _SAYS[min(int(strength * len(_SAYS)), len(_SAYS) - 1)]
-    return {"kind": "lie", "agent": name, "at": at, "for": span, **says}
-
-
-def _link(name: str, at: float, span: float, strength: float, _: str) -> Fields:
-    loss = rounded(0.5 + 0.5 * strength)
-    return {"kind": "link", "from": name, "at": at, "for": span, "loss": loss}
-
-
-def _hold(name: str, at: float, span: float, _: float, __: str) -> Fields:
-    return {"kind": "hold", "from": name, "at": at, "for": span}
-
-
-def _partition(name: str, at: float, span: float, _: float, __: str) -> Fields:
-    return {"kind": "partition", "groups": [[name]], "at": at, "for": span}
-
-
-def _of_agent(kind: str, lasts: bool = True) -> Callable[..., Fields]:
-    def table_of(name: str, at: float, span: float, _: float, __: str) -> Fields:
-        table = {"kind": kind, "agents": [name], "at": at}
-        return {**table, "for": span} if lasts else table
-
-    return table_of
-
-
-def _clock(name: str, at: float, span: float, strength: float, _: str) -> Fields:
-    drift = rounded(0.1 + 4.0 * strength)
-    return {"kind": "clock", "agents": [name], "at": at, "for": span, "drift": drift}
-
-
-def _sensor(name: str, at: float, span: float, strength: float, state: str) -> Fields:
-    bias = rounded(2.0 * strength - 1.0)
-    return {"kind": "sensor", "agents": [name], "at": at, "for": span, "bias": {state: bias}}
-
-
-_FAULTS: Mapping[str, Callable[..., Fields]] = {
-    "lie": _lie,
-    "loss": _link,
-    "hold": _hold,
-    "partition": _partition,
-    "pause": _of_agent("pause"),
-    "actuator": _of_agent("actuator"),
-    "kill": _of_agent("kill", lasts=False),
-    "turn": _of_agent("turn", lasts=False),
-    "clock": _clock,
-    "sensor": _sensor,
-}
+def _fault_table(
+    kind: str, name: str, at: float, span: float, strength: float, state: str
+) -> Fields:
+    """Return an entry of `faults` for one agent; strength is in [0, 1], state the agent's first."""
+    time = {"at": at, "for": span}
+    table = {"kind": kind, "agents": [name], **time}
+    match kind:
+        case "lie":
+            says = _SAYS[min(int(strength * len(_SAYS)), len(_SAYS) - 1)]
+            return {"kind": kind, "agent": name, **time, **says}
+        case "loss":
+            return {"kind": "link", "from": name, **time, "loss": rounded(0.5 + 0.5 * strength)}
+        case "hold":
+            return {"kind": kind, "from": name, **time}
+        case "partition":
+            return {"kind": kind, "groups": [[name]], **time}
+        case "clock":
+            return {**table, "drift": rounded(0.1 + 4.0 * strength)}
+        case "sensor":
+            return {**table, "bias": {state: rounded(2.0 * strength - 1.0)}}
+        case "kill" | "turn":
+            del table["for"]
+    return table

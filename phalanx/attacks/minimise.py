@@ -20,15 +20,6 @@ from phalanx.swarm.swarm import Swarm, build_swarm
 _VERDICT, _TRAJECTORY, _ATTACKED = "Verdict: ", "Trajectory: ", "Attacked: "
 
 
-class Kind(NamedTuple):
-    """Properties that a candidate must share with the attack that is shrunk."""
-
-    roles: tuple[str, ...]
-    """Of the first violating pair, as Side has them."""
-    distance: float
-    """Least distance of adversaries from normal agents at the start [m]."""
-
-
 class Shrunk(NamedTuple):
     """The smallest form of an attack."""
 
@@ -41,7 +32,11 @@ class Shrunk(NamedTuple):
 
 
 class _Candidates:
-    """Runs candidates, each different one once."""
+    """Runs candidates, each different one once.
+
+    One fails in the same manner if its first violating pair has the same roles, and adversaries
+    start no nearer to normal agents.
+    """
 
     def __init__(self, table: Fields) -> None:
         """Raises ScenarioError: the table is no scenario, or it is not violated."""
@@ -53,8 +48,8 @@ class _Candidates:
             reason = f"expected a violated run, got {evaluation.summary.outcome.value}"
             raise ScenarioError(f"{scenario.name}: {reason}")
         distance, _ = nearest(evaluation.swarm)
-        rounded_down = 0.0 if math.isinf(distance) else math.floor(10.0 * distance) / 10.0
-        self.kind = Kind(tuple(side.role for side in _sides(evaluation.swarm, first)), rounded_down)
+        self._roles = [side.role for side in _sides(evaluation.swarm, first)]
+        self._distance = 0.0 if math.isinf(distance) else math.floor(10.0 * distance) / 10.0
         self.failures[digest(scenario)] = first.first
 
     def __call__(self, table: Fields) -> float | None:
@@ -69,16 +64,13 @@ class _Candidates:
             return None
 
     def _failed(self, scenario: Scenario) -> float | None:
-        if shortfall(build_swarm(scenario), Attack(apart=self.kind.distance))[0] > 0.0:
+        if shortfall(build_swarm(scenario), Attack(apart=self._distance))[0] > 0.0:
             return None
         evaluation = evaluate(scenario)
         first = first_violation(evaluation)
-        if (
-            first is None
-            or tuple(side.role for side in _sides(evaluation.swarm, first)) != self.kind.roles
-        ):
-            return None
-        return first.first
+        if first and [side.role for side in _sides(evaluation.swarm, first)] == self._roles:
+            return first.first
+        return None
 
 
 def smallest(table: Fields, origin: Fields) -> Shrunk:
@@ -222,12 +214,10 @@ class Side(NamedTuple):
         return prefix + self.label
 
 
-def _sides(swarm: Swarm, violation: Violation) -> tuple[Side, Side]:
+def _sides(swarm: Swarm, violation: Violation) -> list[Side]:
     """Return the two sides of a violation's pair."""
     composed = swarm.safe_set
     pair = next(pair for pair in composed.pairs if composed.label(pair) == violation.pair)
     roles = ["adversary" if member.adversary else "normal" for member in swarm.members]
     roles += ["other"] * len(composed.obstacles)
-    return Side(roles[pair.a], composed.labels[pair.a]), Side(
-        roles[pair.b], composed.labels[pair.b]
-    )
+    return [Side(roles[end], composed.labels[end]) for end in pair]

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from phalanx.attacks.knobs import Point
+from phalanx.attacks.knobs import Point, Space
 from phalanx.schema.extensions import extras_named
 from phalanx.seeded.draws import Draws
 
@@ -30,23 +30,11 @@ class Evaluator(Protocol):
         """Begin again: from now on costs are of another target."""
 
 
-class SearchSpace(Protocol):
-    """Sizes of a search."""
-
-    @property
-    def numbers(self) -> int:
-        """The number of knobs that are numbers."""
-
-    @property
-    def choices(self) -> tuple[int, ...]:
-        """The number of possibilities of each choice."""
+Optimiser = Callable[[Space, Evaluator, int, "int | None"], None]
+"""(space, evaluator, seed, batch) -> never: the search ends it by an exception."""
 
 
-Optimiser = Callable[[SearchSpace, Evaluator, int, "int | None"], None]
-"""(sizes, evaluator, seed, batch) -> never: the search ends it by an exception."""
-
-
-def random_search(space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None) -> None:
+def random_search(space: Space, evaluator: Evaluator, seed: int, batch: int | None) -> None:
     """Draw every point uniformly."""
     width = space.numbers + len(space.choices)
     draws, size, begin = Draws(seed, "attack", "random", width=width), batch or 10, 0
@@ -56,7 +44,7 @@ def random_search(space: SearchSpace, evaluator: Evaluator, seed: int, batch: in
 
 
 def differential_evolution(
-    space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None
+    space: Space, evaluator: Evaluator, seed: int, batch: int | None
 ) -> None:
     """Do SciPy's differential evolution; a choice is a number that is rounded down."""
     from scipy.optimize import differential_evolution as minimise
@@ -74,7 +62,7 @@ def differential_evolution(
         evaluator.next_target()
 
 
-def cma_es(space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | None) -> None:
+def cma_es(space: Space, evaluator: Evaluator, seed: int, batch: int | None) -> None:
     """Do CMA-ES with margin and categories; it begins again when it no longer improves.
 
     Raises ImportError without the library.
@@ -96,7 +84,7 @@ def cma_es(space: SearchSpace, evaluator: Evaluator, seed: int, batch: int | Non
         evaluator.next_target()
 
 
-def _cma(space: SearchSpace, seed: int, batch: int | None) -> Any:
+def _cma(space: Space, seed: int, batch: int | None) -> Any:
     with extras_named():
         from cmaes import CatCMAwM
     sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
@@ -114,7 +102,7 @@ def _of_solution(solution: Any) -> Point:
     return Point(numbers, chosen)
 
 
-def _point(space: SearchSpace, x: Any) -> Point:
+def _point(space: Space, x: Any) -> Point:
     numbers, rest = x[: space.numbers].tolist(), x[space.numbers :].tolist()
     pairs = zip(rest, space.choices, strict=True)
     return Point(tuple(numbers), tuple(min(int(v * count), count - 1) for v, count in pairs))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from phalanx.attacks.search import History, Options, Search, declaration
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table, set_field
+from phalanx.studies.pool import Pool
 from phalanx.studies.store import Store, StudyError
-from phalanx.studies.study import Computing
 
 DECLARATION, PAGE = "attack.toml", "attack.html"
 
@@ -67,7 +68,7 @@ def attack(
     rows_of = {"optimiser": options.optimiser, "seed": options.seed, "fresh": options.fresh}
     rows_of |= {} if options.batch is None else {"batch": options.batch}
     store = _opened(folder, tomli_w.dumps(declaration(space, knobs, rows_of)))
-    with store, Computing(executor, workers) as computing:
+    with store, nullcontext(executor) if executor else Pool(workers) as computing:
         search = Search(space, knobs, store, computing, options, progress)
         try:
             for optimiser in options.optimisers:

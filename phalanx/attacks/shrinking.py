@@ -24,6 +24,8 @@ _DIGITS = (0, 1, 2, 3)
 _LISTS = ("faults", "limits", "obstacles", "reseed")
 _TABLES = ("attack", "description", "flows", "formation", "network", "scatter", "workspace")
 _OF_AGENTS = ("disturbance", "goal", "sensing", "slots", "spread", "start")
+_OF_ATTACK = {"agents", "duration", "name", "names", "start", *_LISTS}
+"""Fields that need not have the value of the scenario attacked."""
 _EACH = ("names", "slots", "start", "goal")
 """Fields of a group with one entry for each agent."""
 
@@ -171,14 +173,7 @@ def _of_origin(table: Fields, origin: Fields) -> dict[KeyPath, Any]:
                 pairs.append((("agents", g), group, other))
     values: dict[KeyPath, Any] = {}
     for above, here, there in pairs:
-        for name in here.keys() & there.keys() - {
-            "agents",
-            "duration",
-            "name",
-            "names",
-            "start",
-            *_LISTS,
-        }:
+        for name in (here.keys() & there.keys()) - _OF_ATTACK:
             if isinstance(here[name], dict) and name in ("safety", "network", "time", "clock"):
                 inner = here[name].keys() & there[name].keys()
                 values |= {(*above, name, key): there[name][key] for key in inner}

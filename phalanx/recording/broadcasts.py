@@ -1,7 +1,7 @@
 """The fate of every broadcast: in time, late or lost."""
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +9,6 @@ import numpy as np
 from phalanx.recording.read import Recording, steps_by_agent
 
 IN_TIME, LATE, LOST = FATES = ("in time", "late", "lost")
-_WINDOW_STEPS = 8
-"""Control steps of an agent in a window."""
 
 
 class Broadcast(NamedTuple):
@@ -49,17 +47,3 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
             arrival = t + max(delay, 0.0)
             lied = (sender, k) in false
             yield Broadcast(index[sender], index[step.agent], t, arrival, fate, lied)
-
-
-def window(moment: float, end: float, samples: Iterable[Sequence[float]]) -> tuple[float, float]:
-    """Return the interval of a few control steps around a moment [s].
-
-    Args:
-        moment: its centre, unless the run is over before the interval [s].
-        end: of the run [s].
-        samples: times of each agent's steps [s].
-    """
-    gaps = [float(np.median(np.diff(t))) for t in samples if len(t) > 1]
-    width = _WINDOW_STEPS * max(gaps, default=1.0)
-    begin = max(min(moment - width / 2.0, end - width), 0.0)
-    return begin, begin + width

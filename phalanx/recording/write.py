@@ -4,10 +4,10 @@ import json
 import os
 import platform
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Self
 
 import msgspec
 
@@ -31,7 +31,7 @@ class RecordingError(OSError):
     """The recording cannot be written: the disk is full, or the file is gone."""
 
 
-class RecordingWriter:
+class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     """One MCAP file; every chunk is written completely before the next begins."""
 
     def __init__(self, path: Path, scenario: Scenario, run_id: str) -> None:
@@ -91,9 +91,6 @@ class RecordingWriter:
     def close(self) -> None:
         """Close the file, which is readable even without `finish`."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

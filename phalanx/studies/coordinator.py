@@ -85,7 +85,7 @@ def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str
     try:
         # What the seed draws is no part of it: keys of a point's runs differ by their seeds alone,
         # and a seed without room is no reason to refuse the others.
-        scenario = plan.undrawn(case.point)
+        scenario = plan.undrawn(case.point.overrides)
     except ScenarioError as error:
         return Identity("", case.seed, "", versions()), {}, str(error)
     sources = imported_sources(scenario.model_dump(mode="json"))

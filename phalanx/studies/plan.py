@@ -177,14 +177,8 @@ class Plan(Strict):
         found = load_scenario(self.table, case.point.overrides, case.seed)
         return found.model_copy(update={"reading": self._reading(case)})
 
-    def undrawn(self, point: Point) -> Scenario:
-        """Return a point's scenario before a seed draws starts and obstacles.
-
-        Raises ScenarioError.
-        """
-        return self._undrawn(point.overrides)
-
-    def _undrawn(self, overrides: Mapping[str, Any]) -> Scenario:
+    def undrawn(self, overrides: Mapping[str, Any]) -> Scenario:
+        """Return a scenario before a seed draws starts and obstacles. Raises ScenarioError."""
         table = read_table(self.table)
         for path, value in overrides.items():
             set_field(table, path, value)
@@ -214,7 +208,7 @@ class Plan(Strict):
 
     def _error(self, overrides: Mapping[str, Any]) -> ScenarioError | None:
         try:
-            self._undrawn(overrides)
+            self.undrawn(overrides)
         except ScenarioError as error:
             return error
         return None

@@ -51,6 +51,10 @@ class Pool(ThreadPoolExecutor):
         """Have a worker call a function; its exception, or WorkerDiedError, is the future's."""
         return super().submit(self._in_worker, pickle.dumps((fn, args, kwargs)))
 
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Shut down; after an error the tasks are cancelled."""
+        self.shutdown(cancel_futures=kind is not None)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Let the tasks end, unless they are to be cancelled: then end the workers at once."""
         if cancel_futures:

@@ -8,7 +8,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -104,7 +104,7 @@ def study(
     folder = Path(temporary.name if temporary else out or "")
     with (
         Store(folder).open(plan) as store,
-        Computing(executor, workers) as computing,
+        nullcontext(executor) if executor else Pool(workers) as computing,
         _display(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
@@ -130,21 +130,6 @@ def _display(plan: Plan, progress: Progress | bool) -> Iterator[Progress]:
             show(plan.name, state.done, ", ".join(counts))
 
         yield update
-
-
-class Computing:
-    """The given executor, which its owner shuts down, or a pool of its own."""
-
-    def __init__(self, executor: Executor | None, workers: int | None) -> None:
-        self._executor = executor or Pool(workers)
-        self._own = executor is None
-
-    def __enter__(self) -> Executor:
-        return self._executor
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._own:
-            self._executor.shutdown(cancel_futures=kind is not None)
 
 
 class Study:

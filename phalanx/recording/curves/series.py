@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.messages.step_report import OF_ROW, QUANTITIES, Quantity
-from phalanx.recording.broadcasts import window
 from phalanx.recording.curves.history import EMPTY_CODES, AgentSeries, History
 from phalanx.swarm.swarm import Swarm, unit_of_psi
 from phalanx.theory.arrays import Array, Index
@@ -25,6 +24,7 @@ NO_ROW = 1e-3 * FAR
 LANE_STATES = ("fine", "backup", "no-authority", "silent")
 """The gravest last. Silent: no step for longer than its τ."""
 _SILENT = LANE_STATES.index("silent")
+_ZOOM_STEPS = 8
 
 
 class Series(NamedTuple):
@@ -213,8 +213,11 @@ def lanes(
 
 
 def zoom_window(steps: Sequence[AgentSeries], worst: float, end: float) -> tuple[float, float]:
-    """Begin and end of a few control steps around the worst moment of a run [s]."""
-    return window(worst, end, [s.sampled.tolist() for s in steps])
+    """Begin and end of a few control steps around the worst moment of a run, or at its end [s]."""
+    gaps = [float(np.median(np.diff(s.sampled))) for s in steps if len(s.sampled) > 1]
+    width = _ZOOM_STEPS * max(gaps, default=1.0)
+    begin = max(min(worst - width / 2.0, end - width), 0.0)
+    return begin, begin + width
 
 
 def _states(steps: AgentSeries, tau: float, edges: Array, now: float) -> Index:
