@@ -1,14 +1,12 @@
 """Theorem 1 as processes: one controller for all normal agents."""
 
-from pathlib import Path
-
 import pytest
 from phalanx_agent.controller import CentralisedController
 
+import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.engine import RunOptions, execute
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import Recording
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -21,17 +19,10 @@ CENTRALISED = ("--set", "safety.control=centralised")
 SYNCHRONOUS = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
 
 
-def centralised(
-    tmp_path: Path,
-    *overrides: str,
-    schedule: tuple[Command, ...] = (),
-    engine: str = "processes",
-) -> Recording:
+def centralised(*overrides: str, schedule: tuple[Command, ...] = (), engine: str) -> Recording:
     scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
-    folder = tmp_path / f"central-{len(list(tmp_path.iterdir()))}"
-    folder.mkdir()
-    execute(scenario, folder, RunOptions(engine, commands=CommandPolicy(schedule=schedule)))
-    return read(folder)
+    commands = CommandPolicy(schedule=schedule)
+    return phalanx.run(scenario, engine=engine, commands=commands).recording
 
 
 def failed(recording: Recording, assumption: str) -> int:
@@ -57,18 +48,18 @@ def test_the_programme_is_solved_once_for_all_who_sample_together():
     assert together.at(x + 0.1, 0.01)[0].decision.u != pytest.approx(first[0].decision.u)
 
 
-def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
+def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it():
     for clocks, holds in ((), False), (SYNCHRONOUS, True):
-        recording = centralised(tmp_path, *clocks, engine="in-process")
+        recording = centralised(*clocks, engine="in-process")
         assert (failed(recording, "synchronous sampling") == 0) == holds
 
 
-def test_the_controller_outlives_an_agent_and_goes_on_without_one_that_turned(tmp_path):
+def test_the_controller_outlives_an_agent_and_goes_on_without_one_that_turned():
     schedule = (
         Command(0.1, CommandKind.KILL, "1", 0.0),
         Command(0.2, CommandKind.TURN, "2", 0.0),
     )
-    recording = centralised(tmp_path, *SYNCHRONOUS, schedule=schedule)
+    recording = centralised(*SYNCHRONOUS, schedule=schedule, engine="processes")
     assert recording.summary.outcome is not Outcome.BROKEN
     last = {step.agent: step for step in recording.steps}
     assert last["1"].t <= 0.1

@@ -103,14 +103,6 @@ def test_it_says_what_is_taken_for_granted_of_roles_unless_no_role_is_read(guara
     assert not any(word.startswith(granted) for word in words)
 
 
-def test_a_start_outside_s_is_reported():
-    report = check(load("pinned", ["agents.1.start=[[0.0, -0.9]]"]))
-    assert report.worst_at_start > 0
-    assert not report.may_be_guaranteed
-    assert any("unsafe at the start" in word for word in report.words)
-    assert any("outside S_I" in word for word in report.words)
-
-
 def test_the_papers_margin_is_far_below_its_own_formula(paper):
     assert paper.eta_paper == dict.fromkeys("123", 8.0566)
     assert paper.formula.eta > 500

@@ -95,6 +95,7 @@ def test_an_unsafe_start_is_foretold(check):
     _, heading, _, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -0.9]]")
     assert heading == "one-on-one: a run will end violated: a pair is unsafe at the start"
     assert "No guarantee: some pair is unsafe at the start" in words
+    assert "outside S_I" in words
 
 
 @pytest.mark.parametrize("composition", ["lse", "pairs"])

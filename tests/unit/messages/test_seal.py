@@ -84,17 +84,9 @@ def test_numbers_pass_the_wire_bit_for_bit(k, u):
     assert [a.hex() for a in again.u] == [a.hex() for a in u]
 
 
-@given(st.data())
-@settings(max_examples=300)
-def test_any_flipped_bit_is_refused(data):
-    payload = bytearray(SEALER.seal(KEY, TELEMETRY))
-    bit = data.draw(st.integers(0, 8 * len(payload) - 1))
-    payload[bit // 8] ^= 1 << bit % 8
-    assert reason(bytes(payload)) == "bad seal"
-
-
-def test_every_flipped_bit_is_refused_even_without_a_secret():
-    payload, sealer = Sealer().seal(KEY, TELEMETRY), Sealer()
+@pytest.mark.parametrize("sealer", [SEALER, Sealer()], ids=["a secret", "no secret"])
+def test_every_flipped_bit_is_refused_even_without_a_secret(sealer):
+    payload = sealer.seal(KEY, TELEMETRY)
     for bit in range(8 * len(payload)):
         flipped = bytearray(payload)
         flipped[bit // 8] ^= 1 << bit % 8
@@ -225,18 +217,12 @@ def test_an_unknown_origin_is_refused():
     assert reason(forged(body)) == "wrong fields"
 
 
-@given(st.binary(max_size=300), kinds)
-@settings(max_examples=300)
-def test_noise_is_malformed_and_nothing_else(noise, kind):
-    with pytest.raises(Malformed):
-        SEALER.open(KEY, noise, kind)
-
-
 @given(st.binary(min_size=1, max_size=300), kinds)
 @settings(max_examples=300)
-def test_sealed_noise_is_malformed_and_nothing_else(noise, kind):
-    with pytest.raises(Malformed):
-        SEALER.open(KEY, forged(noise), kind)
+def test_noise_is_malformed_and_nothing_else_sealed_or_not(noise, kind):
+    for payload in (noise, forged(noise)):
+        with pytest.raises(Malformed):
+            SEALER.open(KEY, payload, kind)
 
 
 @given(st.integers(0, len(MESSAGES) - 1), st.integers(0, 255), st.integers(0, 400))

@@ -86,13 +86,17 @@ def test_what_the_command_prints_is_a_table_of_a_scenario(tmp_path, capsys):
     assert status(["fit", "network", str(tmp_path / "none.csv")]) == 64
 
 
+@pytest.fixture
+def delays() -> list[float | None]:
+    link = Link(5, "a", "b", model(**MODELS["normal"]))
+    return [link.fate(k).delay for k in range(3000)]
+
+
 def in_one_column(delays: list[float | None]) -> str:
     return "\n".join(["delay", *("" if d is None else f"{d}" for d in delays), ""])
 
 
-def test_an_empty_line_of_one_column_is_a_message_that_was_lost(tmp_path, capsys):
-    link = Link(5, "a", "b", model(**MODELS["normal"]))
-    delays = [link.fate(k).delay for k in range(3000)]
+def test_an_empty_line_of_one_column_is_a_message_that_was_lost(tmp_path, capsys, delays):
     capture = tmp_path / "capture.csv"
     capture.write_text(in_one_column(delays))
     assert status(["fit", "network", str(capture)]) == 0
@@ -105,9 +109,7 @@ def test_a_blank_line_among_several_columns_is_none():
     assert len(read_capture([*captured(100), ""])) == 100
 
 
-def test_delays_in_milliseconds_are_not_taken_for_seconds(tmp_path, capsys):
-    link = Link(5, "a", "b", model(**MODELS["normal"]))
-    delays = [link.fate(k).delay for k in range(3000)]
+def test_delays_in_milliseconds_are_not_taken_for_seconds(tmp_path, capsys, delays):
     capture = tmp_path / "capture.csv"
     capture.write_text(in_one_column([d and 1e3 * d for d in delays]))
     fitting = ["fit", "network", str(capture)]
