@@ -196,7 +196,7 @@ class Shifted:
 
 
 @pytest.mark.parametrize(
-    ("h", "alpha", "ahead", "kept"),
+    ("h", "alpha", "ahead", "expected"),
     [
         (lambda s: -s, Linear(1.0), 1.0, 1),
         (lambda s: -s, Power(0.5, 3.0), 1.0, 1),
