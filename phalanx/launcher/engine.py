@@ -62,7 +62,7 @@ class EngineEntry(NamedTuple):
 
 ENGINES = {
     "processes": EngineEntry(
-        "phalanx.launcher.process_engine:run_processes",
+        "phalanx.launcher.processes:run_processes",
         "every program a process of its own, over Zenoh",
         hub=True,
         prepare="phalanx.launcher.libraries:start_loading",

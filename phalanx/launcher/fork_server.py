@@ -1,29 +1,33 @@
-"""The process that forks a run's programs: it builds their theory once, and all inherit it.
+"""The process that forks a run's programs, watches them, and ends them.
 
-It never opens a Zenoh session: a process that has opened one must not fork.
+It builds their theory once, and all inherit it. It never opens a Zenoh session: a process that has
+opened one must not fork.
 """
 
+import contextlib
 import gc
+import math
 import multiprocessing
 import os
-import select
 import signal
-import sys
+import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
+from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.programs import (
     Program,
     configure_logging,
     load_programs,
     redirect_output,
+    run_child,
     show_as,
-    start_program,
 )
+from phalanx.messages.keys import PLANT
 from phalanx.messages.membership import Membership
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.swarm.rows import SafetyRows
@@ -32,8 +36,24 @@ from phalanx.swarm.swarm import build_swarm
 
 LOG = "programs.log"
 """The file of the fork server's own output, in the folder of the logs."""
+GRACE = 4.0
+"""Time for agents to leave after the plant, and for the plant to end without its launcher [s]."""
+_LONGEST_END = 60.0
+"""Time for the plant to stop [s]: it writes its files, unless a user's code hangs."""
 _LOADING_TIMEOUT = 60
 """Time to load the programs' libraries [s], enough on the slowest machine."""
+_NOTICE = 1.0
+"""Time for the plant to detect by itself that an agent failed [s]."""
+_LONGEST_SUSPENSION = 2.0
+"""Longest suspension of a program [s]: the hub closes a connection that is silent for 10 s, and a
+suspended program does not see the end of the run."""
+_POLL = 0.2
+"""Longest single wait [s]: a process that a program has left behind keeps its sentinel open."""
+_SECOND_PRESS = 1.0
+"""Least time between two Ctrl-C that count as two [s]: a shell may send the same one twice."""
+
+_CRASHED = "Fatal Python error: "
+_VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 
 class StartRequest(NamedTuple):
@@ -43,32 +63,26 @@ class StartRequest(NamedTuple):
     programs: Sequence[Program]
     logs: Path
     """Folder of the logs."""
+    may_lose_agents: bool
+    """Whether agents may be killed without ending the run."""
 
 
-class Report(NamedTuple):
-    """One program was started, or has ended."""
+class RunEnded(NamedTuple):
+    """All programs of the run have ended."""
 
-    identity: str
-    pid: int
-    exit_code: int | None = None
-    """None while it runs; negative: the signal that killed it."""
-
-
-class _StopError(Exception):
-    """The launcher asks for the end by SIGUSR1."""
+    summary: Summary | None
+    """As the plant sent it."""
+    failure: str
+    """The first program that died, how, and its last line; empty if none died."""
 
 
-def serve(
-    scenario: str, environment: Mapping[str, str], launcher: Connection, result_pipe: Connection
-) -> None:
-    """Fork every program, and report on each until all have ended; on SIGUSR1 kill them.
+def serve(scenario: str, environment: Mapping[str, str], launcher: Connection) -> None:
+    """Fork every program, and watch them until all have ended.
 
     SIGTERM is blocked: a service manager sends it to all processes, and the plant alone reacts.
 
     Over `launcher` this process sends None once the scenario can run, or the exception if it
-    cannot. It then receives a StartRequest, and sends a Report whenever a program starts or ends.
-    An identity that it receives names a program to start again. Over `result_pipe` the plant sends
-    its result.
+    cannot. It receives a StartRequest, then methods of ForkedPrograms to call, and sends RunEnded.
 
     The scenario is JSON, the environment the launcher's: the libraries were loaded in another one.
     """
@@ -87,17 +101,14 @@ def serve(
         return  # the launcher has ended
     redirect_output(request.logs / LOG)
     configure_logging()
-    forked = _ForkedPrograms(rows, request, launcher)
+    forked = ForkedPrograms(rows, request, launcher)
     try:
-        signal.signal(signal.SIGUSR1, _raise_stop)
-        forked.start_all(result_pipe)
-        forked.watch()
-    except (_StopError, ConnectionError, EOFError) as ended:
-        # A launcher that has died cannot resume the programs that it has suspended.
-        forked.signal(signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT)
-    except BaseException:
-        forked.signal(signal.SIGKILL)
-        raise
+        forked.start_all()
+        ended = forked.watch()
+    finally:
+        forked.kill_all()
+    with contextlib.suppress(ConnectionError):
+        launcher.send(ended)
 
 
 def _sendable(error: Exception) -> Exception:
@@ -122,93 +133,173 @@ def _build_rows(scenario: str) -> SafetyRows:
     return require_runnable(build_swarm(from_json(scenario)))
 
 
-class _ForkedPrograms:
-    """The programs, forked from this process."""
+class ForkedPrograms:
+    """The programs of one run, forked from this process."""
 
     def __init__(self, rows: SafetyRows, request: StartRequest, launcher: Connection) -> None:
         self._rows, self._request, self._launcher = rows, request, launcher
         self._programs = {program.identity: program for program in request.programs}
-        self._running: dict[int, Report] = {}
-        """By the pidfd of the process."""
+        self._processes: dict[str, Any] = {}
+        """Those that were started, by identity; a ForkProcess each."""
+        self._plant, self._plants_end = multiprocessing.Pipe()
+        self._sources = [launcher, self._plant]
+        """Connections that are open at their other end, too."""
+        self._result: Summary | str = ""
+        """The plant's summary, or why there is none."""
+        self._suspended: dict[str, float] = {}
+        """When each program was suspended."""
+        self._stop_requested = self._deadline = math.inf
 
-    def start_all(self, result_pipe: Connection) -> None:
+    def start_all(self) -> None:
         """Start the plant, which builds its own theory, then compile that of the agents and start
-        them.
+        them, unless the run ends before.
         """
-        plant, *others = self._request.programs
-        begun, begin = multiprocessing.Pipe(duplex=False)
-        self._start(plant, {"result_pipe": result_pipe, "agents_start": begun}, begin)
+        plant, *agents = self._request.programs
+        self._start(plant._replace(options={**plant.options, "launcher": self._plants_end}))
+        self._plants_end.close()
         compile_rows(self._rows)
         # Inherited pages stay shared until they are written to, as the collector would do.
         gc.collect()
         gc.freeze()
-        begin.send(None)
-        launcher = multiprocessing.parent_process()
-        assert launcher is not None
-        # Made once: a page that is written to between two forks is copied.
-        death = select.poll()
-        death.register(launcher.sentinel, select.POLLIN)
-        for program in others:
-            if death.poll(0) or _child_ended():
-                break  # the run is over
-            self._start(program)
+        with contextlib.suppress(ConnectionError):
+            self._plant.send(None)
+        for agent in agents:
+            while self._launcher in self._sources and self._launcher.poll():
+                self._receive(self._launcher)
+            if not (self._runs(PLANT) and self._stop_requested == self._deadline == math.inf):
+                break
+            self._start(agent)
 
-    def watch(self) -> None:
-        """Report on each program until all have ended, and restart those the launcher names."""
-        while self._running:
-            for ready in wait([self._launcher, *self._running]):
-                if isinstance(ready, int):
-                    self._launcher.send(_reap(self._running.pop(ready)))
-                    os.close(ready)
-                else:
-                    self._start(self._programs[self._launcher.recv()])
+    def watch(self) -> RunEnded:
+        """Wait until the plant has ended, and then, for a while, until all have.
 
-    def signal(self, number: signal.Signals) -> None:
-        """Send a signal to all running programs."""
-        for report in self._running.values():
-            os.kill(report.pid, number)
+        The plant detects a dead agent by its liveliness token. If an agent fails before it has
+        joined, and so has no token, the plant gets SIGUSR1.
+        """
+        failed = math.inf
+        while self._runs(PLANT) and (now := time.monotonic()) < self._deadline:
+            if self._agent_failed():
+                failed = min(failed, now)
+            if now > failed + _NOTICE:
+                self._signal(PLANT, signal.SIGUSR1)
+            if now > self._stop_requested + _LONGEST_END:
+                self._signal(PLANT, signal.SIGABRT)
+            self._await()
+        self._deadline = min(self._deadline, time.monotonic() + GRACE)
+        while any(map(self._runs, self._processes)) and time.monotonic() < self._deadline:
+            self._await()
+        summary = self._result if isinstance(self._result, Summary) else None
+        return RunEnded(summary, self._first_failure())
 
-    def _start(
-        self, program: Program, options: Mapping[str, Any] = {}, kept: Connection | None = None
-    ) -> None:
-        """Fork one program. kept: the end of a pipe that the child must close."""
-        # A SIGUSR1 between fork and registration would miss the child, or reach it alone.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
-        if not (pid := os.fork()):
-            if kept is not None:
-                kept.close()
-            program = program._replace(options={**program.options, **options})
-            _run_child(program, self._rows, self._request)
-        started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
-        self._launcher.send(started)
+    def kill_all(self) -> None:
+        """Kill all programs that run."""
+        for process in self._processes.values():
+            process.kill()
+        for process in self._processes.values():
+            process.join()
+
+    def stop(self) -> None:
+        """Have the plant stop; the second time abort it, and its log says where it stood."""
+        now = time.monotonic()
+        second = now > self._stop_requested + _SECOND_PRESS
+        self._signal(PLANT, signal.SIGABRT if second else signal.SIGTERM)
+        self._stop_requested = min(self._stop_requested, now)
+
+    def restart(self, identity: str) -> None:
+        """Start a program that was killed again."""
+        if not self._runs(identity):
+            self._start(self._programs[identity])
+
+    def suspend(self, identities: Set[str]) -> None:
+        """Suspend these programs by SIGSTOP, each for a while at most, and resume all others."""
+        for identity in self._suspended.keys() - identities:
+            del self._suspended[identity]
+            self._signal(identity, signal.SIGCONT)
+        for identity in identities - self._suspended.keys():
+            self._suspended[identity] = time.monotonic()
+            self._signal(identity, signal.SIGSTOP)
+
+    def _start(self, program: Program) -> None:
+        process = multiprocessing.get_context("fork").Process(
+            target=run_child,
+            args=(program, self._rows, self._request.membership, self._request.logs),
+            name=program.title,
+        )
+        process.start()
+        self._processes[program.identity] = process
+
+    def _runs(self, identity: str) -> bool:
+        process = self._processes.get(identity)
+        return process is not None and process.is_alive()
+
+    def _signal(self, identity: str, number: signal.Signals) -> None:
+        if self._runs(identity):
+            os.kill(self._processes[identity].pid, number)
+
+    def _await(self) -> None:
+        """Wait until something comes or a program ends, not for long."""
+        sentinels = [p.sentinel for p in self._processes.values() if p.is_alive()]
+        for source in wait([*self._sources, *sentinels], _POLL):
+            if isinstance(source, Connection):
+                self._receive(source)
+        for identity, since in self._suspended.items():
+            if time.monotonic() > since + _LONGEST_SUSPENSION:
+                self._signal(identity, signal.SIGCONT)
+
+    def _receive(self, source: Connection) -> None:
+        """Receive the plant's result, or do what the launcher asks for."""
+        try:
+            message = source.recv()
+        except (EOFError, OSError):
+            self._sources.remove(source)
+            if source is self._launcher:
+                self._abandon()
+            return
+        if source is self._plant:
+            self._result = message
+        else:
+            request: Callable[[ForkedPrograms], None] = message
+            request(self)
+
+    def _abandon(self) -> None:
+        """End the run soon: the launcher has died."""
+        self.suspend(frozenset())
+        self._deadline = time.monotonic() + GRACE
+        with contextlib.suppress(ConnectionError):
+            self._plant.send("the launcher died")
+
+    def _agent_failed(self) -> bool:
+        """Return whether an agent ended with an error, or was killed where none may be."""
+        ended = {code for name, code in self._exit_codes() if name != PLANT}
+        return any(code > 0 or not self._request.may_lose_agents for code in ended)
+
+    def _exit_codes(self) -> list[tuple[str, int]]:
+        """Return the codes of the programs that ended without a verdict; negative: the signal."""
+        codes = [(name, process.exitcode) for name, process in self._processes.items()]
+        return [(name, code) for name, code in codes if code not in {None, *_VERDICTS}]
+
+    def _first_failure(self) -> str:
+        """Describe the first program that died; agents that may be killed do not count."""
+        for name, code in self._exit_codes():
+            if code > 0 or name == PLANT or not self._request.may_lose_agents:
+                log = self._request.logs / f"{name}.log"
+                reason = self._result if name == PLANT and isinstance(self._result, str) else ""
+                return death(self._programs[name].title, code, log, reason)
+        return ""
 
 
-def _child_ended() -> bool:
-    """Return whether any child has ended, in constant time and without reaping it."""
-    return os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+def death(title: str, code: int, log: Path | None = None, reason: str = "") -> str:
+    """Describe how a program died, and why: by default the last line of its log.
 
-
-def _reap(report: Report) -> Report:
-    """Return the report with the exit code of a program that has ended."""
-    _, status = os.waitpid(report.pid, 0)
-    return report._replace(exit_code=os.waitstatus_to_exitcode(status))
-
-
-def _raise_stop(*_: object) -> None:
-    raise _StopError
-
-
-def _run_child(program: Program, rows: SafetyRows, request: StartRequest) -> NoReturn:
-    """Run one program in this forked process, and exit with its status."""
-    status = 1
-    try:
-        signal.signal(signal.SIGUSR1, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
-        status = start_program(program, rows, request.membership, request.logs)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+    code: its exit code; negative: the signal.
+    """
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+    text = f"{title} died ({how})"
+    if log is None:
+        return text
+    # On a full disk there may be no log.
+    written = log.read_text(errors="replace") if log.exists() else ""
+    # The traceback of a crash is for readers of the log.
+    lines = written.partition(_CRASHED)[0].strip().splitlines()
+    last = reason or "".join(lines[-1:])
+    return f"{text}{last and f': {last}'}; log: {log}"

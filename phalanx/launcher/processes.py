@@ -1,44 +1,169 @@
-"""The processes of one run on this machine: start, watch, suspend and end them."""
+"""The processes engine: the plant and every agent, each a process of its own, over Zenoh.
+
+The launcher asks a fork server to start and to watch the programs. They communicate over Zenoh
+alone, and each stops by itself: agents when the hub is gone, the plant when it is done, on SIGTERM,
+or when the launcher dies.
+"""
 
 import contextlib
-import math
+import multiprocessing
 import os
-import signal
-import threading
-import time
-from collections.abc import Sequence, Set
-from multiprocessing.connection import wait
+import secrets
+from collections.abc import Callable, Iterator, Set
+from functools import partial
 from pathlib import Path
 
-from phalanx.guarantee.verdict import Outcome, Summary, exit_status
+from phalanx.faults.commands import EFFECTS
+from phalanx.faults.fault import AgentFault, Fault
+from phalanx.guarantee.verdict import Outcome, Summary, read_summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import EngineError
-from phalanx.launcher.fork_server import LOG, Report, StartRequest, serve
-from phalanx.launcher.forkserver import without_main
-from phalanx.launcher.libraries import require_handles, start_loading
+from phalanx.launcher.engine import EngineError, Progress, RunOptions
+from phalanx.launcher.fork_server import (
+    GRACE,
+    LOG,
+    ForkedPrograms,
+    RunEnded,
+    StartRequest,
+    death,
+    serve,
+)
+from phalanx.launcher.libraries import require_handles, start_process
+from phalanx.launcher.live import announced
 from phalanx.launcher.programs import Program
 from phalanx.messages.credentials import COMMAND_SECRET, SECRET
 from phalanx.messages.keys import PLANT
+from phalanx.messages.kinds import SAYS, Status
 from phalanx.messages.membership import Membership
+from phalanx.messages.seal import Malformed
+from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
+from phalanx.schema.user_code import of_session
+from phalanx.wire.pubsub import subscribe
+from phalanx.wire.session import HubError, open_client, reserved_endpoint
 
-_LONGEST_SUSPENSION = 2.0
-"""Longest suspension of a program [s]: the hub closes a connection that is silent for 10 s, and a
-suspended program sees neither the end of the run nor that of its launcher."""
-_NOTICE = 1.0
-"""Time for the plant to detect by itself that an agent failed [s]."""
-_GRACE = 4.0
-"""Time for agents to leave after the plant did [s]."""
 _POLL = 0.2
 """Longest single wait [s]: a signal that comes just before a wait does not end it."""
-_LONGEST_END = 60.0
-"""Time for the plant to stop [s]: it writes its files, unless a user's code hangs."""
-_SECOND_PRESS = 1.0
-"""Least time between two Ctrl-C that count as two [s]: a shell may send the same one twice."""
 
-_CRASHED = "Fatal Python error: "
-_VERDICTS = {exit_status(outcome) for outcome in Outcome}
+
+def run_processes(
+    scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
+) -> Summary:
+    """Run a scenario to its verdict, as an Engine; progress is called in a thread of Zenoh's."""
+    for name in of_session(scenario.model_dump(mode="json")):
+        raise EngineError(
+            f"{name} is of this script or notebook, which other processes cannot import: write it "
+            "into a file of its own, or take engine 'in-process'"
+        )
+    if options.agents_per_process > 1:
+        _require_alone(scenario)
+    with Processes(scenario) as processes, reserved_endpoint() as endpoint:
+        processes.require_runnable()
+        folder = make_folder()
+        membership = Membership(
+            run=folder.name,
+            endpoint=options.listen or endpoint,
+            secret=options.secret or secrets.token_bytes(16),
+        )
+        return _run(processes, scenario, folder, membership, options)
+
+
+def _run(
+    processes: "Processes",
+    scenario: Scenario,
+    folder: Path,
+    membership: Membership,
+    options: RunOptions,
+) -> Summary:
+    logs, programs = folder / "logs", _programs(scenario, folder, options)
+    try:
+        logs.mkdir(exist_ok=True)
+    except OSError as error:
+        raise EngineError(f"no program could be started: {error}") from error
+    processes.start(StartRequest(membership, programs, logs, _may_lose(scenario, options)))
+    # A Ctrl-C ends the run where it is waited for, and leaves no file behind.
+    with (
+        interrupt.deferred(),
+        announced(folder, membership),
+        _status_handled(scenario, membership, processes, options.progress),
+    ):
+        options.announce(folder)
+        ended = processes.wait()
+    summary = ended.summary
+    with contextlib.suppress(OSError, ValueError):  # the disk may be full
+        summary = read_summary((folder / SUMMARY).read_bytes())
+    if summary is None:
+        raise EngineError(
+            ended.failure or f"the plant ended without a verdict: see {logs / 'plant.log'}"
+        )
+    explained = SAYS in summary.reason or summary.reason in ended.failure
+    if summary.outcome is Outcome.BROKEN and ended.failure and not explained:
+        summary.reason = f"{summary.reason} [{ended.failure}]"
+    return summary
+
+
+def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
+    timed = {"profile": folder / PROFILE} if options.profile else {}
+    plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
+    names, many = list(scenario.programs()), options.agents_per_process
+    together = [names[k : k + many] for k in range(0, len(names), many)]
+    agents = [Program(first, timed, tuple(others)) for first, *others in together]
+    return [Program(PLANT, {**plant, **timed}), *agents]
+
+
+def _require_alone(scenario: Scenario) -> None:
+    """Raise EngineError if a fault is of the process of one agent."""
+    for n, fault in enumerate(scenario.faults):
+        if _is_of_process(fault):
+            raise EngineError(
+                f"faults.{n}: expected one agent a process, to {fault.kind} one: leave "
+                "--agents-per-process out"
+            )
+
+
+def _may_lose(scenario: Scenario, options: RunOptions) -> bool:
+    """Return whether an agent's process may be killed without ending the run."""
+    commanded = bool(options.commands.secret or options.commands.schedule)
+    in_real_time = options.real_time is not None
+    return commanded or in_real_time or any(map(_is_of_process, scenario.faults))
+
+
+def _is_of_process(fault: Fault) -> bool:
+    """Return whether a fault kills, starts or stops an agent's process."""
+    begins = fault.begins_with if isinstance(fault, AgentFault) else None
+    return bool(begins and EFFECTS[begins].process)
+
+
+@contextlib.contextmanager
+def _status_handled(
+    scenario: Scenario,
+    membership: Membership,
+    processes: "Processes",
+    progress: Progress,
+) -> Iterator[None]:
+    """During the block report progress, and restart, suspend and resume as the status requests."""
+    keys, sealer = membership.keys, membership.sealer
+    program_of = {name: p for p, names in scenario.programs().items() for name in names}
+
+    def on_status(key: str, payload: bytes) -> None:
+        with contextlib.suppress(Malformed):
+            status = sealer.open(key, payload, Status)
+            processes.suspend({program_of[name] for name in status.stopped})
+            for name in status.waiting_for if status.restart else ():
+                processes.restart(program_of[name])
+            progress(status)
+
+    session = None
+    while session is None and processes.running:
+        interrupt.raise_pending()
+        with contextlib.suppress(HubError):
+            session = open_client(membership.endpoint, 0.5, membership.credentials)
+    if session is None:
+        yield
+        return
+    with session:
+        subscribe(session, keys.status, on_status)
+        yield
 
 
 def _environment() -> dict[str, str]:
@@ -47,37 +172,22 @@ def _environment() -> dict[str, str]:
 
 
 class Processes(contextlib.AbstractContextManager["Processes"]):
-    """The programs of one run, as the process that forks them reports on them."""
+    """The programs of one run, and the fork server that starts and watches them."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin to build the theory that all programs inherit. Raises EngineError."""
-        self._programs: dict[str, Program] = {}
-        self._logs = Path()
-        self.result: Summary | str = ""
-        """The plant's summary, or why there is none."""
-        self._pids: dict[str, int] = {}
-        self._exits: dict[str, int] = {}
-        """Exit codes of the programs that have ended; negative: the signal."""
-        self._killed: set[str] = set()
+        self._log: Path | None = None
+        """The fork server's, once it may start programs."""
         self._suspended: Set[str] = frozenset()
-        self._reporting = False
-        """Whether reports may still come."""
         try:
-            context = start_loading()
             require_handles(len(scenario.programs()))
-            self._reports, theirs = context.Pipe()
-            self._plant, result_pipe = context.Pipe(duplex=False)
-            self._server = context.Process(
-                target=serve, args=(to_json(scenario), _environment(), theirs, result_pipe)
-            )
-            with without_main():
-                self._server.start()
+            self._connection, theirs = multiprocessing.Pipe()
+            self._server = start_process(serve, to_json(scenario), _environment(), theirs)
         except (OSError, MemoryError, EOFError) as error:
             # EOFError: the process that loads the libraries died, and printed why.
             reason = getattr(error, "strerror", None) or error
             raise EngineError(f"no program can be started: {reason}") from error
         theirs.close()
-        result_pipe.close()
 
     def require_runnable(self) -> None:
         """Wait until the fork server has built the theory and evaluated it at x(0).
@@ -85,173 +195,66 @@ class Processes(contextlib.AbstractContextManager["Processes"]):
         Raises as phalanx.swarm.runnable.require_runnable, and EngineError.
         """
         try:
-            while not self._reports.poll(_POLL):
+            while not self._connection.poll(_POLL):
                 interrupt.raise_pending()
-            error: Exception | None = self._reports.recv()
-        except EOFError:
-            self._server.join()
-            raise EngineError(_died("the fork server", self._server.exitcode or 0)) from None
+            error: Exception | None = self._connection.recv()
+        except (EOFError, ConnectionError):
+            raise EngineError(self._death()) from None
         if error is not None:
             raise error
 
-    def start(self, membership: Membership, programs: Sequence[Program], logs: Path) -> None:
-        """Start the programs, the plant first. Raises OSError."""
-        logs.mkdir(exist_ok=True)
-        self._programs = {program.identity: program for program in programs}
-        self._logs, self._reporting = logs, True
-        # If the fork server died, wait_for_plant finds out.
-        with contextlib.suppress(BrokenPipeError):
-            self._reports.send(StartRequest(membership, programs, logs))
-
-    def __exit__(self, *_: object) -> None:
-        self.end()
+    def start(self, request: StartRequest) -> None:
+        """Start the programs, the plant first."""
+        self._log = request.logs / LOG
+        self._send(request)
 
     @property
-    def plant_runs(self) -> bool:
-        """Return whether the plant is alive, or has yet to start."""
-        self._take_reports(0.0)
-        return self._reporting and PLANT not in self._exits
+    def running(self) -> bool:
+        """True until all programs have ended."""
+        return not self._connection.poll()
 
     def restart(self, identity: str) -> None:
         """Start a program that was killed again; may be called from another thread."""
-        if self._exits.pop(identity, None) is not None:
-            self._reports.send(identity)
+        self._send(partial(ForkedPrograms.restart, identity=identity))
 
     def suspend(self, identities: Set[str]) -> None:
-        """Suspend these programs by SIGSTOP, and resume all others.
-
-        After a while each resumes anyway. May be called from another thread.
-        """
-        for identity in self._suspended - identities:
-            self._signal(identity, signal.SIGCONT)
-        for identity in identities - self._suspended:
-            self._signal(identity, signal.SIGSTOP)
-            limit = threading.Timer(_LONGEST_SUSPENSION, self._signal, [identity, signal.SIGCONT])
-            limit.daemon = True
-            limit.start()
-        self._suspended = identities
-
-    def _signal(self, identity: str, number: signal.Signals) -> None:
-        if identity in self._pids and identity not in self._exits:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pids[identity], number)
+        """Suspend these programs and resume all others; may be called from another thread."""
+        if identities != self._suspended:
+            self._suspended = identities
+            self._send(partial(ForkedPrograms.suspend, identities=identities))
 
     # A second Ctrl-C must not interrupt the reaction to the first.
     @interrupt.deferred()
-    def wait_for_plant(self, may_lose_agents: bool) -> None:
-        """Wait until the plant has ended. Ctrl-C asks it to stop, the next one aborts it.
-
-        The plant detects a dead agent by its liveliness token. If an agent fails before it has
-        joined, and so has no token, the plant gets SIGUSR1.
-
-        Args:
-            may_lose_agents: whether agents may be killed without ending the run.
-        """
-        notified, stop_requested = False, math.inf
-        while self.plant_runs:
-            try:
-                interrupt.raise_pending()
-                if not notified and self._failed(may_lose_agents):
-                    self._await_plant(_NOTICE)
-                    notified = self._signal_plant(signal.SIGUSR1)
-                elif time.monotonic() > stop_requested + _LONGEST_END:
-                    raise KeyboardInterrupt  # as a second Ctrl-C
-                else:
-                    self._take_reports(_POLL)
-            except KeyboardInterrupt:
-                interrupt.clear()
-                second = time.monotonic() > stop_requested + _SECOND_PRESS
-                if not self._signal_plant(signal.SIGABRT if second else signal.SIGTERM):
-                    raise
-                stop_requested = math.inf if second else min(stop_requested, time.monotonic())
-
-    def first_failure(self, may_lose_agents: bool) -> str:
-        """Describe the first program that died, how, and its last line; empty if none died.
-
-        Programs that `end` killed do not count, nor agents that may be killed.
-        """
-        for name, program in self._programs.items():
-            code = self._exits.get(name)
-            if code is None or code in _VERDICTS or name in self._killed:
-                continue
-            if code < 0 and may_lose_agents and name != PLANT:
-                continue
-            return self._failure(program.title, code, f"{name}.log", name == PLANT)
-        if self._server.exitcode:
-            return self._failure("the fork server", self._server.exitcode, LOG)
-        return ""
+    def wait(self) -> RunEnded:
+        """Wait until all have ended. Ctrl-C asks the plant to stop, the next one aborts it."""
+        try:
+            while not self._connection.poll(_POLL):
+                try:
+                    interrupt.raise_pending()
+                except KeyboardInterrupt:
+                    interrupt.clear()
+                    self._send(ForkedPrograms.stop)
+            ended: RunEnded = self._connection.recv()
+        except (EOFError, ConnectionError):
+            return RunEnded(None, self._death())
+        return ended
 
     @interrupt.deferred()
-    def end(self) -> None:
-        """End all processes: wait for the agents to leave, then kill them."""
-        if not self._programs or (self.plant_runs and not self._signal_plant(signal.SIGTERM)):
-            self._end_server()
-        deadline = time.monotonic() + _GRACE
-        while self._reporting and (left := deadline - time.monotonic()) > 0:
-            self._take_reports(left)
-        self._killed = set(self._pids) - set(self._exits)
-        if self._reporting:
-            self._end_server()
+    def __exit__(self, *_: object) -> None:
+        """End all processes that run: the plant has time to stop."""
+        if self._log is None:
+            self._server.kill()
+        self._send(ForkedPrograms.stop)
+        self._connection.close()
+        self._server.join(2.0 * GRACE)
+        self._server.kill()
         self._server.join()
-        if (self._server.exitcode or 0) < 0:
-            # The fork server does it, unless it was killed itself; the system may then reuse pids.
-            for name in self._killed:
-                with contextlib.suppress(OSError):
-                    os.kill(self._pids[name], signal.SIGKILL)
-        self._pids.clear()  # likewise
 
-    def _end_server(self) -> None:
-        """Let the fork server kill all that it has forked, and end."""
-        if self._server.is_alive() and self._server.pid:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._server.pid, signal.SIGUSR1)
+    def _send(self, message: object) -> None:
+        # If the fork server has ended, wait finds out.
+        with contextlib.suppress(ConnectionError):
+            self._connection.send(message)
 
-    def _take_reports(self, timeout: float | None) -> None:
-        """Receive all reports that have come; wait for one if none has."""
-        try:
-            while ready := wait([self._plant, self._reports], timeout):
-                timeout = 0.0
-                if self._plant in ready:
-                    # At its end when all programs are gone: how they ended is in the reports.
-                    with contextlib.suppress(EOFError, OSError):
-                        self.result = self._plant.recv()
-                if self._reports in ready:
-                    report: Report = self._reports.recv()
-                    self._pids[report.identity] = report.pid
-                    if report.exit_code is not None:
-                        self._exits[report.identity] = report.exit_code
-        except EOFError:
-            self._reporting = False
-
-    def _await_plant(self, timeout: float) -> None:
-        deadline = time.monotonic() + timeout
-        while self.plant_runs and (left := deadline - time.monotonic()) > 0:
-            self._take_reports(left)
-
-    def _signal_plant(self, number: signal.Signals) -> bool:
-        """Send the plant a signal if it runs, and return whether it has started."""
-        if self.plant_runs and PLANT in self._pids:
-            with contextlib.suppress(ProcessLookupError):  # its end is not reported yet
-                os.kill(self._pids[PLANT], number)
-        return PLANT in self._pids
-
-    def _failed(self, may_lose_agents: bool) -> bool:
-        """Return whether an agent ended with an error, or was killed where none may be."""
-        ended = {code for name, code in self._exits.items() if name != PLANT} - _VERDICTS
-        return any(code > 0 or not may_lose_agents for code in ended)
-
-    def _failure(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
-        log = self._logs / log_name
-        text = log.read_text(errors="replace") if log.exists() else ""
-        # The traceback of a crash is for readers of the log.
-        lines = text.partition(_CRASHED)[0].strip().splitlines()
-        # On a full disk there may be no log.
-        reason = self.result if plant and isinstance(self.result, str) else ""
-        last = reason or "".join(lines[-1:])
-        return f"{_died(title, code)}{last and f': {last}'}; log: {log}"
-
-
-def _died(title: str, code: int) -> str:
-    """Describe the death of a program by its exit code; negative: the signal."""
-    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
-    return f"{title} died ({how})"
+    def _death(self) -> str:
+        self._server.join()
+        return death("the fork server", self._server.exitcode or 0, self._log)

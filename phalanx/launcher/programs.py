@@ -1,19 +1,17 @@
 """The programs of a run by name, and how to run one in this process."""
 
 import contextlib
+import ctypes
 import faulthandler
 import logging
-import multiprocessing
 import os
 import pkgutil
-import select
 import signal
 import sys
-import threading
-import time
+import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from phalanx.launcher.streams import PrintableFormatter
 from phalanx.messages.keys import PLANT
@@ -21,14 +19,12 @@ from phalanx.messages.membership import Membership
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 
-log = logging.getLogger("phalanx.launcher")
-
 PROGRAMS = _PLANT, _AGENT = "phalanx_plant.main:run", "phalanx_agent.main:run"
 _TOGETHER = "phalanx_agent.main:run_together"
 """The programs, imported where they run, and not here."""
 
-_GRACE, _GRACE_OF_PLANT = 2.5, 4.0
-"""Time for programs to end without their launcher [s]: the plant finishes its recording."""
+_PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl."""
 
 
 class Program(NamedTuple):
@@ -53,27 +49,34 @@ def load_programs() -> None:
         pkgutil.resolve_name(program)
 
 
-def start_program(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> int:
-    """Run one program in this process, its output in its log, and return its exit status."""
-    multiprocessing.current_process().name = program.title
-    show_as(program.title)
-    redirect_output(logs / f"{program.identity}.log")
-    faulthandler.enable()  # the log of a crash has its traceback
-    plant = program.identity == PLANT
-    if not plant:
-        # Ctrl-C reaches the whole terminal, SIGTERM may reach a whole service, and stays blocked:
-        # the plant alone reacts to them.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    end_with_launcher(_GRACE_OF_PLANT if plant else _GRACE)
-    own, *others = (
-        membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names)
-        for name in (program.identity, *program.others)
-    )
-    if others:
-        together: int = pkgutil.resolve_name(_TOGETHER)(rows, [own, *others], **program.options)
-        return together
-    return run_program(rows, own, program.options)
+def run_child(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> NoReturn:
+    """Run one program in this forked process, its output in its log, and exit with its status."""
+    status = 1
+    try:
+        end_with_parent()
+        show_as(program.title)
+        redirect_output(logs / f"{program.identity}.log")
+        faulthandler.enable()  # the log of a crash has its traceback
+        if program.identity != PLANT:
+            # Ctrl-C reaches the whole terminal, SIGTERM may reach a whole service, and stays
+            # blocked: the plant alone reacts to them.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        first, *others = (
+            membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names)
+            for name in (program.identity, *program.others)
+        )
+        if others:
+            run_together = pkgutil.resolve_name(_TOGETHER)
+            status = run_together(rows, [first, *others], **program.options)
+        else:
+            status = run_program(rows, first, program.options)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # a thread of a user's code may never end
 
 
 def run_program(rows: SafetyRows, membership: Membership, options: Mapping[str, Any]) -> int:
@@ -83,22 +86,9 @@ def run_program(rows: SafetyRows, membership: Membership, options: Mapping[str, 
     return status
 
 
-def end_with_launcher(grace: float) -> None:
-    """End this process at most `grace` seconds after its launcher, in any state."""
-    launcher = multiprocessing.parent_process()
-    if launcher is None:
-        return
-    # Not multiprocessing's own wait, for the reason in show_as.
-    death = select.poll()
-    death.register(launcher.sentinel, select.POLLIN)
-
-    def watch() -> None:
-        death.poll()
-        time.sleep(grace)
-        log.error("the launcher died")
-        os._exit(3)
-
-    threading.Thread(target=watch, daemon=True).start()
+def end_with_parent() -> None:
+    """Have the kernel kill this process when its parent ends, in any state."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def show_as(title: str) -> None:

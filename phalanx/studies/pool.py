@@ -16,8 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from phalanx.launcher.forkserver import end_fork_server, without_main
-from phalanx.launcher.libraries import start_loading
+from phalanx.launcher.libraries import end_fork_server, start_loading, start_process
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -89,7 +88,7 @@ class Pool(ThreadPoolExecutor):
 
     def _take_worker(self) -> _Worker:
         """Return an idle worker, or a new one."""
-        with self._lock:  # also since without_main changes what all threads see
+        with self._lock:  # also since start_process changes what all threads see
             if self._cancelled:
                 raise WorkerDiedError("the pool was shut down")
             worker = self._idle.pop() if self._idle else self._start()
@@ -99,21 +98,12 @@ class Pool(ThreadPoolExecutor):
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         try:
-            process = _started(theirs)
+            process = start_process(_work, theirs)
         except (OSError, EOFError):  # a fork server that was killed may be seen to live on
             end_fork_server()
-            process = _started(theirs)
+            process = start_process(_work, theirs)
         theirs.close()
         return _Worker(process, ours)
-
-
-def _started(connection: Connection) -> Any:
-    """Start the process of a worker, and return it."""
-    context: Any = start_loading()
-    process = context.Process(target=_work, args=(connection,), name="phalanx-study")
-    with without_main():
-        process.start()
-    return process
 
 
 def _work(connection: Connection) -> None:

@@ -3,8 +3,6 @@
 import contextlib
 import gc
 import logging
-import multiprocessing
-import multiprocessing.connection
 import signal
 import threading
 from dataclasses import replace
@@ -40,7 +38,7 @@ _POLL = 0.2
 
 
 class StopRequest:
-    """A stop requested by a signal, or by the launcher's end.
+    """A stop requested by a signal, or by the launcher.
 
     SIGINT and SIGTERM stop the run. With SIGUSR1 the launcher reports that an agent failed, which
     the plant cannot detect before the agent has joined.
@@ -54,8 +52,6 @@ class StopRequest:
         signal.signal(signal.SIGUSR1, lambda *_: self._set(failed))
         # The launcher blocks these until now, when there are handlers.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
-        if parent := multiprocessing.parent_process():
-            threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
 
     def ignore_failures(self) -> None:
         """Go on without the agents that fail from now on."""
@@ -67,9 +63,16 @@ class StopRequest:
         if self._reason is not None:
             raise self._reason
 
-    def _watch(self, sentinel: int) -> None:
-        multiprocessing.connection.wait([sentinel])
-        self._set(AbandonedError("the launcher died"))
+    def await_start(self, launcher: Connection) -> None:
+        """Wait until the launcher starts the agents; from then on obey it."""
+        while not launcher.poll(_POLL):
+            self.check()
+        if reason := launcher.recv():
+            raise AbandonedError(reason)
+        threading.Thread(target=self._obey, args=(launcher,), daemon=True).start()
+
+    def _obey(self, launcher: Connection) -> None:
+        self._set(AbandonedError(launcher.recv()))
 
     def _set(self, reason: Exception) -> None:
         self._reason = self._reason or reason
@@ -84,8 +87,7 @@ def run(
     profile: Path | None = None,
     at_router: bool = False,
     real_time: float | None = None,
-    result_pipe: Connection | None = None,
-    agents_start: Connection | None = None,
+    launcher: Connection | None = None,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -97,10 +99,9 @@ def run(
         profile: folder for a profile of the wall time.
         at_router: True if a router listens there.
         real_time: seconds of virtual time per second; None: lockstep.
-        result_pipe: receives the summary, or the error in its place: the launcher may not be
-            connected to the hub yet, and the disk may be full.
-        agents_start: becomes readable once the launcher starts the agents, or ends: until then
-            none is late.
+        launcher: sends None once it starts the agents (until then none is late), or why the run
+            must end. It receives the summary, or the error in its place: it may not be connected
+            to the hub yet, and the disk may be full.
 
     Returns:
         The exit status of the verdict.
@@ -118,7 +119,7 @@ def run(
     try:
         recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
     except RecordingError as error:
-        _send_result(result_pipe, str(error))
+        _send_result(launcher, str(error))
         raise
     try:
         hub = hub_class(rows.swarm, membership, stop.check, at_router)
@@ -136,14 +137,14 @@ def run(
         try:
             plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
         except WorldError as error:
-            _send_result(result_pipe, str(error))
+            _send_result(launcher, str(error))
             raise
         if stopwatch:
             plant.time(stopwatch)
 
         def join() -> None:
-            while agents_start and not agents_start.poll(_POLL):
-                stop.check()
+            if launcher:
+                stop.await_start(launcher)
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
             if hub.may_leave:
                 stop.ignore_failures()
@@ -154,7 +155,7 @@ def run(
             stopwatch.write(profile, PLANT)
         write_summary(summary, folder / SUMMARY, recording)
         hub.session.verdict.put(Ended(summary=msgspec.json.encode(summary)))
-        _send_result(result_pipe, summary)
+        _send_result(launcher, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
 
@@ -168,7 +169,7 @@ def _clock_for(
     return RealTimeHub, RealTime, replace(policy, speed=real_time, real_time=True)
 
 
-def _send_result(result_pipe: Connection | None, result: Summary | str) -> None:
-    if result_pipe:
-        with contextlib.suppress(BrokenPipeError):  # the launcher died
-            result_pipe.send(result)
+def _send_result(launcher: Connection | None, result: Summary | str) -> None:
+    if launcher:
+        with contextlib.suppress(ConnectionError):  # the launcher died
+            launcher.send(result)

@@ -103,7 +103,7 @@ MUTANTS = (
     Mutant("frames of another size", "viewer/phalanx_viewer/feeds/live.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
            "tests/unit/hostile/test_messages.py"),
-    Mutant("a result without a hub", f"{_PLANT}/main.py", "_send_result(result_pipe, summary)",
+    Mutant("a result without a hub", f"{_PLANT}/main.py", "_send_result(launcher, summary)",
            "pass", "tests/process/swarm/test_endings.py -k disk_that_fills"),
     Mutant("all agents' broadcasts", _ACCESS, 'keys.broadcast("*", n)))',
            'keys.broadcast("*", "*")))', _TEST_ACCESS),

@@ -6,7 +6,6 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from html import escape
@@ -15,10 +14,9 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from phalanx.launcher.engine import silent
-from phalanx.launcher.forkserver import without_main
-from phalanx.launcher.libraries import start_loading
+from phalanx.launcher.libraries import start_process
 from phalanx.launcher.live import find_live
-from phalanx.launcher.programs import configure_logging, end_with_launcher, redirect_output, show_as
+from phalanx.launcher.programs import configure_logging, redirect_output, show_as
 from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
 
@@ -27,8 +25,6 @@ _STARTS = 4
 """Most starts of one page."""
 _TIMEOUT = 5.0
 """Time for the hub of a run to answer, before checking whether the run is over [s]."""
-_GRACE = 2.5
-"""Longest time that a page outlives the process that opened it [s]."""
 
 
 class ViewerPage(AbstractContextManager["ViewerPage"]):
@@ -41,7 +37,7 @@ class ViewerPage(AbstractContextManager["ViewerPage"]):
         """
         self._recording = recording
         opened, announce = multiprocessing.Pipe(duplex=False)
-        self._server = _start_daemon(_replay, recording, port, announce)
+        self._server = start_process(_replay, recording, port, announce, daemon=True)
         announce.close()  # or a server that dies would leave recv() waiting
         try:
             url, problem = opened.recv()
@@ -95,7 +91,7 @@ class LivePage(AbstractContextManager["LivePage"]):
 
     def serve(self, folder: Path) -> None:
         """Show the run of a folder. The page's log is among the run's logs."""
-        self._process = _start_daemon(_serve, folder, *self._options)
+        self._process = start_process(_serve, folder, *self._options, daemon=True)
         self._watch = threading.Thread(target=self._restart_when_dead, args=(folder,), daemon=True)
         self._watch.start()
 
@@ -131,17 +127,9 @@ class LivePage(AbstractContextManager["LivePage"]):
             died = f"the page died ({_cause_of_death(self._process, folder)}): {after}"
             print(printable(died), file=sys.stderr)
             if restarts:
-                self._process = _start_daemon(_serve, folder, *self._options)
+                self._process = start_process(_serve, folder, *self._options, daemon=True)
                 if self._closed.is_set():  # while it was started: close() did not see this process
                     self._process.terminate()
-
-
-def _start_daemon(target: Callable[..., None], *arguments: object) -> BaseProcess:
-    """Start a process that ends with this one, however that ends."""
-    process = start_loading().Process(target=target, args=arguments, daemon=True)
-    with without_main():
-        process.start()
-    return process
 
 
 def _cause_of_death(process: BaseProcess, folder: Path) -> str:
@@ -157,7 +145,16 @@ def _begin() -> None:
     os.setsid()  # Ctrl-C in the terminal ends the run, whose page still shows the outcome
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked in all programs
     show_as("phx-viewer")
-    end_with_launcher(_GRACE)
+    threading.Thread(target=_end_with_opener, daemon=True).start()
+
+
+def _end_with_opener() -> None:
+    # No signal of the kernel: this process is a child of the one that loads the libraries, which
+    # lives as long as any that it has started.
+    opener = multiprocessing.parent_process()
+    assert opener
+    opener.join()
+    os._exit(3)
 
 
 def _replay(recording: Path, port: int | None, opened: Connection) -> None:

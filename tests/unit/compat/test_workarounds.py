@@ -22,7 +22,7 @@ import zenoh
 from mcap.writer import Writer
 from viser._messages import RunJavascriptMessage
 
-from phalanx.launcher.forkserver import without_main
+from phalanx.launcher.libraries import _without_main
 from phalanx.recording.mcap_chunks import PackedWriter
 from phalanx.wire.session import free_endpoint
 from phalanx.wire.zenoh_sessions import disable_linger
@@ -123,7 +123,7 @@ def test_importing_osqp_imports_scipy():
 def test_pythons_are_supported_whose_fork_server_ignores_the_import_path():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     oldest = re.findall(r">=(\d+)\.(\d+)(?:\.(\d+))?", project["requires-python"])
-    assert tuple(int(part or 0) for part in oldest[0]) < (3, 12, 8), "importing_as_here may go"
+    assert tuple(int(part or 0) for part in oldest[0]) < (3, 12, 8), "_importing_as_here may go"
 
 
 def test_multiprocessing_would_import_the_callers_script(monkeypatch, tmp_path):
@@ -135,8 +135,8 @@ def test_multiprocessing_would_import_the_callers_script(monkeypatch, tmp_path):
         data = multiprocessing.spawn.get_preparation_data("agent")
         return any(key.startswith("init_main") for key in data)
 
-    assert names_main(), "without_main may go"
-    with without_main():
+    assert names_main(), "_without_main may go"
+    with _without_main():
         assert not names_main()
 
 

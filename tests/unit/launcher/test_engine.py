@@ -98,12 +98,10 @@ def test_options_that_hold_secrets_do_not_print_them() -> None:
 
 ASKS = """
 import os
-from phalanx.launcher.libraries import start_loading
+from phalanx.launcher.libraries import start_process
 
 if __name__ == "__main__":
-    child = start_loading().Process(target=print, args=("there",), kwargs={"flush": True})
-    child.start()
-    child.join()
+    start_process(print, "there").join()
     print(os.environ.get("PYTHONPATH"), os.environ.get("PYTHONSAFEPATH"))
 """
 WRONG = 'print("the wrong phalanx", flush=True)\n'
