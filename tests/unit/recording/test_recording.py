@@ -27,8 +27,8 @@ from zstandard import ZstdCompressor
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
-from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step
-from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
+from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step, StepData
+from phalanx.recording.write import Record, RecordingError, RecordingWriter, write_summary
 from phalanx.scenario.load import digest, load
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
@@ -82,9 +82,10 @@ def records(count: int = COUNT) -> list[State | Step | Log]:
     return lines
 
 
-def write(path: Path, finish: bool = True) -> Path:
+def write(path: Path, *written: Record, finish: bool = True) -> Path:
+    """Write these records, by default `records`."""
     with RecordingWriter(path, scenario(), "run-1") as writer:
-        for record in records():
+        for record in written or records():
             writer.write(record)
         if finish:
             writer.finish(FIGURES)
@@ -298,9 +299,8 @@ def test_a_verdict_counts_only_at_the_end_of_a_whole_recording(whole, tmp_path):
 
 
 def test_where_no_pair_counts_any_more_no_h_is_the_worst(tmp_path):
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run") as writer:
-        writer.write(State(0.0, [0.0] * 15, 1.0, -0.5), State(0.1, [0.0] * 15, 2.0, -np.inf))
-        writer.finish(FIGURES)
+    states = State(0.0, [0.0] * 15, 1.0, -0.5), State(0.1, [0.0] * 15, 2.0, -np.inf)
+    write(tmp_path / RECORDING, *states)
     assert read(tmp_path).h.tolist() == [-0.5, -np.inf]
 
 
@@ -416,6 +416,7 @@ GOOD = Step(
     agent="1", k=0, t=0.1, t_apply=0.1, u=(0.0, 0.0), origin=Origin.QP, residual=None,
     solve_time=0.0, ages=[("2", 0.0)], fates=[],
 )  # fmt: skip
+SHOWN = StepData("1", 3, 0.1, ["1", "4"], [0.0] * 6, [("4", 0.1, [1.0, 0.0])])
 MISFITS = {
     "a state too short": State(0.1, [0.0] * 14, 0.0),
     "a step of nobody": msgspec.structs.replace(GOOD, agent="9"),
@@ -425,54 +426,46 @@ MISFITS = {
     "a broadcast of nobody": msgspec.structs.replace(GOOD, fates=[("9", 0, 0.0)]),
     "a false claim of another size": msgspec.structs.replace(GOOD, false=[("2", 0, 0.0, [0.0])]),
     "a command to nobody": Command(0.1, CommandKind.KILL, "9"),
+    **{
+        f"shown: {change}": msgspec.structs.replace(SHOWN, **change)
+        for change in (
+            {"agent": "9"},
+            {"agent": "2"},
+            {"seen": ["4", "1"]},
+            {"seen": ["1", "9"]},
+            {"x": [0.0] * 5},
+            {"received": [("9", 0.1, [1.0, 0.0])]},
+            {"received": [("4", 0.1, [1.0])]},
+        )
+    },
 }
 
 
 @pytest.mark.parametrize("record", MISFITS.values(), ids=MISFITS)
-def test_records_that_are_not_of_their_scenario_are_refused(
-    record: State | Step | Command, tmp_path: Path
-):
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(GOOD)
-        writer.write(record)
-        writer.finish(FIGURES)
+def test_records_that_are_not_of_their_scenario_are_refused(record: Record, tmp_path: Path):
+    write(tmp_path / RECORDING, GOOD, SHOWN, record)
     with pytest.raises(UnreadableRecordingError, match=r"at t = 0.1.*: not of its scenario"):
         read(tmp_path)
 
 
-@pytest.mark.parametrize("number", [1.7e308, -1e304, 10**308])
-def test_a_number_of_which_figures_would_be_infinite_is_damage(tmp_path: Path, number: float):
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(GOOD)
-        writer.write(msgspec.structs.replace(GOOD, k=1, residual=number))
-        writer.finish(FIGURES)
-    recording = read(tmp_path)
-    assert recording.steps == [GOOD]
-    assert "a number above 1e+303" in (recording.damage or "")
-    assert recording.summary is None
-
-
 @pytest.mark.parametrize(
-    "changes", [{"k": 2**64 - 1}, {"k": -1}, {"k": 1, "fates": [("2", 2**63, 0.0)]}], ids=repr
+    ("changes", "words"),
+    [
+        *(({"residual": r}, "a number above 1e+303") for r in (1.7e308, -1e304, 10**308)),
+        ({"k": 2**64 - 1}, "Expected `int`"),
+        ({"k": -1}, "Expected `int`"),
+        ({"k": 1, "fates": [("2", 2**63, 0.0)]}, "Expected `int`"),
+        ({"k": 1, "origin": "divine"}, "divine"),
+    ],
+    ids=repr,
 )
-def test_a_sequence_number_that_no_table_holds_is_damage(tmp_path: Path, changes: dict[str, Any]):
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(GOOD)
-        writer.write(msgspec.structs.replace(GOOD, **changes))
-        writer.finish(FIGURES)
+def test_a_number_or_a_name_that_no_run_has_is_damage(
+    tmp_path: Path, changes: dict[str, Any], words: str
+):
+    write(tmp_path / RECORDING, GOOD, msgspec.structs.replace(GOOD, **changes))
     recording = read(tmp_path)
     assert recording.steps == [GOOD]
-    assert "Expected `int`" in (recording.damage or "")
-
-
-def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(GOOD)
-        writer.write(msgspec.structs.replace(GOOD, k=1, origin="divine"))
-        writer.finish(FIGURES)
-    recording = read(tmp_path)
-    assert recording.steps == [GOOD]
-    assert "divine" in (recording.damage or "")
+    assert words in (recording.damage or "")
     assert recording.summary is None
 
 
@@ -481,10 +474,8 @@ def test_what_comes_after_a_later_time_is_damage(tmp_path: Path, kind: type):
     first = next(each for each in records() if type(each) is kind)
     of_another = msgspec.structs.replace(GOOD, agent="2", t=0.2)
     before = [msgspec.structs.replace(first, t=t) for t in (0.1, 0.3, 0.3)]
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(*before, of_another, msgspec.structs.replace(first, t=0.2), of_another)
-        writer.finish(FIGURES)
-    recording = read(tmp_path)
+    late = msgspec.structs.replace(first, t=0.2)
+    recording = read(write(tmp_path / RECORDING, *before, of_another, late, of_another))
     assert (recording.states or recording.steps)[:3] == before
     assert len(recording.states) + len(recording.steps) == 4
     assert "a record of t = 0.2 s after one of 0.3 s" in (recording.damage or "")
@@ -500,12 +491,9 @@ def test_the_oldest_input_of_a_step_is_that_of_its_ages_also_where_it_is_not_rec
 
 def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Path):
     large = msgspec.structs.replace(GOOD, residual=1e303)
-    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        writer.write(large)
-        writer.write(Log(0.1, "agent e303 is lost"))
-        writer.finish(FIGURES)
-    recording = read(tmp_path)
-    assert (recording.steps, recording.damage) == ([large], None)
+    log = Log(0.1, "agent e303 is lost")
+    recording = read(write(tmp_path / RECORDING, large, SHOWN, log))
+    assert (recording.steps, recording.shown, recording.damage) == ([large], [SHOWN], None)
 
 
 @pytest.mark.slow
