@@ -10,6 +10,13 @@ from phalanx.attacks.shrinking import Fields, ddmin, shrink, size_of
 needed = st.lists(st.sets(st.integers(0, 19), min_size=1, max_size=4), min_size=1, max_size=3)
 
 
+def assert_minimal(items, fails) -> list[int]:
+    subset = ddmin(items, fails)
+    assert fails(subset)
+    assert not any(fails([*subset[:k], *subset[k + 1 :]]) for k in range(len(subset)))
+    return subset
+
+
 @given(needed=needed, size=st.integers(20, 30))
 def test_no_single_item_of_the_result_can_be_left_out(needed, size):
     """It fails if any of some sets of items is there as a whole."""
@@ -17,9 +24,7 @@ def test_no_single_item_of_the_result_can_be_left_out(needed, size):
     def fails(items: list[int]) -> bool:
         return any(each <= set(items) for each in needed)
 
-    subset = ddmin(range(size), fails)
-    assert fails(subset)
-    assert not any(fails([*subset[:k], *subset[k + 1 :]]) for k in range(len(subset)))
+    subset = assert_minimal(range(size), fails)
     assert subset == sorted(subset)
 
 
@@ -30,10 +35,7 @@ def test_nor_with_a_predicate_that_is_not_monotone(odd):
     def fails(items: list[int]) -> bool:
         return len(items) % 2 == 1 or len(items) > odd
 
-    items = list(range(2 * odd + 1))
-    subset = ddmin(items, fails)
-    assert fails(subset)
-    assert not any(fails([*subset[:k], *subset[k + 1 :]]) for k in range(len(subset)))
+    assert_minimal(range(2 * odd + 1), fails)
 
 
 def test_few_questions_are_asked_if_one_item_of_many_is_needed():

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -150,3 +151,19 @@ def test_a_recordings_size_is_given_for_each_agent_and_second(crowded: Recording
     assert size_in_words(crowded) == (
         f"{size / 1e6:.3g} MB, {each / 1e3:.3g} kB for each agent and second of virtual time"
     )
+
+
+@pytest.mark.slow
+def test_one_normal_agent_alone_with_an_obstacle_in_space(tmp_path: Path) -> None:
+    obstacles = [{"center": [5.0, 2.0, 1.0], "clearance": 1.0}]
+    scenario = swarm_in_space(1, 0, {"obstacles": obstacles})
+    report = write_report(record(tmp_path, scenario, drift(scenario), summary_of(scenario)))
+    names = {image.stem for image in (report.parent / "figures").iterdir()}
+    assert names == {
+        "h_tot",
+        "paths",
+        "distances",
+        "inputs-n0",
+        "certified",
+        "solve-times",
+    }

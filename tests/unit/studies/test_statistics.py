@@ -93,16 +93,16 @@ def test_arrays_have_the_intervals_of_their_elements():
     )
 
 
-@pytest.mark.parametrize(("k", "n"), [(-1, 3), (4, 3), (1, 0)])
-def test_impossible_counts_are_refused(k, n):
-    with pytest.raises(ValueError, match="successes: expected none below 0"):
-        clopper_pearson(k, n)
-
-
-@pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
-def test_a_level_that_is_no_share_is_refused(level):
-    with pytest.raises(ValueError, match="level: expected a number between 0 and 1"):
-        clopper_pearson(1, 2, level)
+@pytest.mark.parametrize(
+    ("k", "n", "level", "words"),
+    [
+        *((k, n, 0.95, "successes: expected none below 0") for k, n in ((-1, 3), (4, 3), (1, 0))),
+        *((1, 2, level, "level: expected a number between 0 and 1") for level in (0.0, 1.0, 95.0)),
+    ],
+)
+def test_impossible_counts_and_levels_are_refused(k, n, level, words):
+    with pytest.raises(ValueError, match=words):
+        clopper_pearson(k, n, level)
 
 
 @pytest.mark.parametrize("n", [10, 300])
@@ -152,25 +152,25 @@ def test_the_rate_over_a_grid_with_common_seeds_covers():
     assert sum(bool(misses(interval, limits.mean())) for interval in pooled) > 2 * most_misses()
 
 
-def test_runs_with_seeds_of_their_own_are_independent():
-    hits = [True, False, False, True]
-    assert rate(hits, [5, 3, 8, 1]) == (0.5, clopper_pearson(2, 4), 4)
-    assert rate(hits, [5, 3, 8, 1], anytime=True) == (0.5, beta_mixture(2, 4), 4)
+HITS = [True, False, False, True]
 
 
-def test_draws_of_other_fields_under_one_seed_are_independent():
-    assert rate([True, False, False, True], [7] * 4) == (0.5, clopper_pearson(2, 4), 4)
-
-
-def test_no_runs_say_nothing():
-    assert rate([], []) == (0.0, (0.0, 1.0), 0)
-
-
-def test_each_seed_counts_once():
-    hits = [True, False, False, True, False, True]
-    assert rate(hits, [9, 2, 5] * 2) == (0.5, betting([1.0, 0.0, 0.5]), 6)
-
-
-def test_a_seed_that_some_points_lack_is_left_out():
-    hits, seeds = [True, False, True, False, True], [0, 1, 2, 0, 1]
-    assert rate(hits, seeds) == (0.5, betting([0.5, 0.5]), 4)
+@pytest.mark.parametrize(
+    ("hits", "seeds", "anytime", "expected"),
+    [
+        pytest.param(HITS, [5, 3, 8, 1], False, (0.5, clopper_pearson(2, 4), 4), id="own seeds"),
+        pytest.param(HITS, [5, 3, 8, 1], True, (0.5, beta_mixture(2, 4), 4), id="any time"),
+        pytest.param(HITS, [7] * 4, False, (0.5, clopper_pearson(2, 4), 4), id="one seed"),
+        pytest.param([], [], False, (0.0, (0.0, 1.0), 0), id="no runs"),
+        pytest.param(
+            [*HITS, False, True], [9, 2, 5] * 2, False, (0.5, betting([1.0, 0.0, 0.5]), 6),
+            id="each seed counts once",
+        ),
+        pytest.param(
+            [True, False, True, False, True], [0, 1, 2, 0, 1], False, (0.5, betting([0.5] * 2), 4),
+            id="a seed that some points lack is left out",
+        ),
+    ],
+)  # fmt: skip
+def test_seeds_that_are_no_runs_own_are_the_draws_of_a_rate(hits, seeds, anytime, expected):
+    assert rate(hits, seeds, anytime) == expected

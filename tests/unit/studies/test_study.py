@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from phalanx.cli.app import status
+from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.scenario.load import ScenarioError, read_table, scenario_text
 from phalanx.studies.identity import Identity
 from phalanx.studies.plan import Plan, plan_from
@@ -152,3 +152,24 @@ def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):
     plan = plan_from({"scenario": "unicycles", "points": points})
     study_of_points = studied(tmp_path / "drawn", plan, {0: "safe", 1: "safe"}, trajectory="a")
     assert not list(without_effect(study_of_points.frame, study_of_points.axes))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("unicycles", "--vary", "network.los=0"), "network.los: unknown field"),
+        (("unicycles", "--vary", "network.loss"), "--vary network.loss: expected PATH=VALUES"),
+        (("unicycles", "--draw", "network.loss=normal(0,1)"), "expected uniform(a,b)"),
+        (("unicycles", "--seeds", "many"), "study: seeds: expected seeds as 0:200 or 1,2,5"),
+        (("unicycle",), "did you mean 'unicycles'?"),
+        (("open",), "expected the folder of a study"),
+        (("study.toml", "--seeds", "0:1000"), "study.toml has the whole plan: expected no seeds"),
+        (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
+        (("open", "nowhere"), "study.toml: cannot be read"),
+    ],
+)
+def test_a_wrong_word_is_refused_in_one_line(words, message, tmp_path, capsys):
+    out = () if words[0] == "open" else ("--out", str(tmp_path / "study"))
+    assert status(["study", *words, *out]) == USAGE_ERROR
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "study").exists()

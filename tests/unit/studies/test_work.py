@@ -14,9 +14,10 @@ from tests.layers import layered
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "scenario", layered(("unicycles", "guaranteed", "formation3d"), ("unicycles",))
+    "scenario", layered(("unicycles", "guaranteed", "formation3d", "swarm2d"), ("unicycles",))
 )
 def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
+    """Obstacles of `swarm2d` are drawn for each seed."""
     overrides = {"duration": 0.1, "network.loss": 0.3}
     identities = tuple(Identity("", seed, "", "") for seed in (3, 4))
     rows = compute(Job(read_table(scenario), overrides, identities))
@@ -44,16 +45,6 @@ def test_a_run_with_another_seed_builds_no_function(scenario, monkeypatch):
         built.clear()
         compute(Job(table, {"duration": 0.05}, (Identity("", seed, "", ""),)))
     assert built == []
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
-    identities = tuple(Identity("", seed, "", "") for seed in (0, 1))
-    rows = compute(Job(read_table("swarm2d"), {"duration": 0.05}, identities))
-    for seed, row in zip((0, 1), rows, strict=True):
-        run = phalanx.run(phalanx.load("swarm2d", {"duration": 0.05}, seed), engine="in-process")
-        assert row.trajectory == run.summary.trajectory
 
 
 @pytest.mark.parametrize(
