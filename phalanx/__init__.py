@@ -11,7 +11,9 @@ It implements Usevitch & Panagou, *Adversarial Resilience for Sampled-Data Syste
 High-Relative-Degree Safety Constraints*. Safe is ``h <= 0`` throughout.
 """
 
-import importlib
+import ast
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,38 +36,6 @@ if TYPE_CHECKING:
     from phalanx.studies.study import Study, open_study, study
 
 __version__ = "0.3.0"
-
-_HOMES = {
-    "Assumption": "phalanx.guarantee.verdict",
-    "CheckReport": "phalanx.guarantee.check_report",
-    "Command": "phalanx.faults.commands",
-    "CommandKind": "phalanx.faults.commands",
-    "CommandPolicy": "phalanx.faults.commands",
-    "Engine": "phalanx.launcher.engine",
-    "EngineError": "phalanx.launcher.engine",
-    "Outcome": "phalanx.guarantee.verdict",
-    "Run": "phalanx.launcher.run",
-    "Scenario": "phalanx.scenario.model",
-    "ScenarioError": "phalanx.scenario.load",
-    "Status": "phalanx.messages.kinds",
-    "SteppedRun": "phalanx.launcher.stepped",
-    "Study": "phalanx.studies.study",
-    "Summary": "phalanx.guarantee.verdict",
-    "UnreadableRecordingError": "phalanx.recording.read",
-    "Verification": "phalanx.launcher.verify",
-    "Violation": "phalanx.guarantee.verdict",
-    "check": "phalanx.guarantee.check",
-    "load": "phalanx.scenario.load",
-    "metrics": "phalanx.recording.metrics:",
-    "open": "phalanx.launcher.run:open_run",
-    "run": "phalanx.launcher.start",
-    "shipped": "phalanx.scenario.load",
-    "open_study": "phalanx.studies.study",
-    "start": "phalanx.launcher.stepped",
-    "study": "phalanx.studies.study",
-    "verify": "phalanx.launcher.run:verify_run",
-}
-"""The module of each public name, imported when the name is first used: some take a second."""
 
 __all__ = [  # noqa: RUF022 - in the order of the documentation
     "load",
@@ -99,19 +69,26 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
 ]
 
 
+@cache
+def _homes() -> dict[str, tuple[str, str]]:
+    """Return the module of each public name, and its name there, as the imports above say."""
+    tree = ast.walk(ast.parse(Path(__file__).read_text("utf-8")))
+    imports = [(str(node.module), node.names) for node in tree if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name: (m, alias.name) for m, names in imports for alias in names}
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    """Import a public name when it is first used: some take a second."""
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, colon, attribute = _HOMES[name].partition(":")
     from phalanx.schema.extensions import extras_named
 
+    module, attribute = _homes()[name]
     with extras_named():
-        value = importlib.import_module(module)
-    if attribute or not colon:  # else the package itself
-        value = getattr(value, attribute or name)
+        value = getattr(__import__(module, fromlist=[attribute]), attribute)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES])
+    return sorted({*globals(), *__all__})
