@@ -57,10 +57,10 @@ def core() -> typer.Typer:
 
 def extended() -> typer.Typer:
     """Make the command with the core's subcommands and those of extensions."""
-    app, found = core(), commands()
-    if not any(entry.ours for entry in found):
+    app, entries = core(), commands()
+    if not any(entry.ours for entry in entries):
         echo_error(f"no commands of extensions are registered: {REINSTALL}")
-    for entry in found:
+    for entry in entries:
         try:
             _extend(app, entry)
         except (Exception, SystemExit) as error:  # another package's code
@@ -72,16 +72,16 @@ def _extend(app: typer.Typer, entry: Registered) -> None:
     """Add an extension's commands to the app. Raises ValueError for a name that is taken."""
     if isinstance(entry.register, BaseException):
         raise entry.register
-    known = len(app.registered_commands)
+    first = len(app.registered_commands)
     entry.register(app)
     names = [
-        each.name or get_command_name(each.callback.__name__)
-        for each in app.registered_commands
-        if each.callback
+        command.name or get_command_name(command.callback.__name__)
+        for command in app.registered_commands
+        if command.callback
     ]
-    if taken := set(names[known:]) & set(names[:known]):
-        del app.registered_commands[known:]
-        raise ValueError(f"there is a command {sorted(taken)[0]!r} already")
+    if duplicates := set(names[first:]) & set(names[:first]):
+        del app.registered_commands[first:]
+        raise ValueError(f"there is a command {sorted(duplicates)[0]!r} already")
 
 
 def _print_version(asked: bool) -> None:

@@ -60,14 +60,14 @@ def network(
 
     try:
         with capture.open(encoding="utf-8", newline="") as lines:
-            found = fit(read_capture(lines, unit))
+            link = fit(read_capture(lines, unit))
     except (CaptureError, OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise typer.BadParameter(f"{capture}: {reason}") from error
-    echo(f"# {found.messages} messages, {found.lost} lost")
-    echo(f"# half of the delays are below {1e3 * found.median:.4g} ms; those of the model are")
-    echo(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
-    echo(*_toml(found.table))
+    echo(f"# {link.messages} messages, {link.lost} lost")
+    echo(f"# half of the delays are below {1e3 * link.median:.4g} ms; those of the model are")
+    echo(f"# off by {link.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
+    echo(*_toml(link.table))
     return 0
 
 
@@ -96,12 +96,12 @@ def disturbance(
     """
     import phalanx
 
-    scenario, found = _read(runs, trust)
+    scenario, by_group = _read(runs, trust)
     bounds = []
-    for group, each in zip(scenario.agents, found, strict=True):
-        fitted = _fit(each, level)
+    for group, intervals in zip(scenario.agents, by_group, strict=True):
+        fitted = _fit(intervals, level)
         bounds.append(fitted.bound)
-        _show(group, each, fitted, level)
+        _show(group, intervals, fitted, level)
     refitted = _with_bounds(scenario, bounds)
     echo(f"# check with these bounds: {phalanx.check(refitted).answer}")
     return 0
@@ -123,15 +123,15 @@ class _Fit(NamedTuple):
         return float(_ROUNDED_UP.create_decimal_from_float(bound))
 
 
-def _fit(found: "AgentDisturbances", level: float) -> _Fit:
+def _fit(intervals: "AgentDisturbances", level: float) -> _Fit:
     import numpy as np
 
     from phalanx.studies.statistics import conformal_bound
 
     return _Fit(
-        float(found.size.max()),
-        float(np.quantile(found.size, 0.99)),
-        conformal_bound(found.size, level),
+        float(intervals.size.max()),
+        float(np.quantile(intervals.size, 0.99)),
+        conformal_bound(intervals.size, level),
     )
 
 
@@ -149,34 +149,34 @@ def _read(runs: Sequence[Path], trust: bool) -> "tuple[Scenario, list[AgentDistu
             raise typer.BadParameter(
                 f"{other.path}: expected the agents and dynamics of {recordings[0].path}"
             )
-    each = [disturbances_of(recording, swarm_of(recording)) for recording in recordings]
-    found, begin = [], 0
+    by_run = [disturbances_of(recording, swarm_of(recording)) for recording in recordings]
+    by_group, begin = [], 0
     for group in first.agents:
-        own = [one for run in each for one in run[begin : begin + len(group.names)]]
+        members = [one for run in by_run for one in run[begin : begin + len(group.names)]]
         begin += len(group.names)
-        found.append(AgentDisturbances(*map(np.concatenate, zip(*own, strict=True))))
-    if not all(len(group.t) for group in found):
+        by_group.append(AgentDisturbances(*map(np.concatenate, zip(*members, strict=True))))
+    if not all(len(group.t) for group in by_group):
         raise typer.BadParameter(
             f"{recordings[0].path}: no state where inputs took effect: record one at every event, "
             "time.recording_step = 0"
         )
-    return first, found
+    return first, by_group
 
 
 def _kind(group: "AgentGroup") -> tuple[object, ...]:
     return group.names, group.dynamics
 
 
-def _show(group: "AgentGroup", found: "AgentDisturbances", fitted: _Fit, level: float) -> None:
+def _show(group: "AgentGroup", intervals: "AgentDisturbances", fitted: _Fit, level: float) -> None:
     names = ", ".join(group.names[:4]) + (", ..." if len(group.names) > 4 else "")
     fields = {**group.disturbance.model_dump(exclude_defaults=True), "bound": fitted.bound}
     few = f"; too few intervals for {level:g}" if math.isinf(fitted.conformal) else ""
     echo(
-        f"# agents {names}: {len(found.t)} intervals; declared {group.disturbance.bound:g}",
+        f"# agents {names}: {len(intervals.t)} intervals; declared {group.disturbance.bound:g}",
         f"# largest {fitted.largest:.4g}, 99 % below {fitted.p99:.4g}, "
         f"next below {fitted.conformal:.4g} with probability {level:g}{few}",
-        *_against("speed [m/s]", found.speed, found.size),
-        *_against("input", found.input, found.size),
+        *_against("speed [m/s]", intervals.speed, intervals.size),
+        *_against("input", intervals.input, intervals.size),
         f"disturbance = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in fields.items())} }}",
         "",
     )

@@ -143,8 +143,8 @@ def secret_from(variable: str) -> Callable[[str], str]:
 def require_endpoint(endpoint: str | None) -> str | None:
     """Reject what is not a Zenoh endpoint with a port from 1 to 65535; files are accepted."""
     if endpoint and not endpoint.startswith(_ON_THIS_HOST):
-        found = _AT_A_PORT.fullmatch(_without_settings(endpoint))
-        if not found or not 1 <= int(found["port"]) <= 65535:
+        match = _AT_A_PORT.fullmatch(_without_settings(endpoint))
+        if not match or not 1 <= int(match["port"]) <= 65535:
             raise typer.BadParameter(f"expected such as tcp/127.0.0.1:7447, got {endpoint}")
     return endpoint
 
@@ -159,11 +159,11 @@ def live_run(folder: Path, insecure: bool) -> "Membership | None":
     """Return a viewer's membership of the run that is running in this folder, or None."""
     from phalanx.launcher.live import find_live
 
-    found = find_live(folder)
-    if found is not None:
+    membership = find_live(folder)
+    if membership is not None:
         # The file may come from another user.
-        require_here(found.endpoint, insecure, "--insecure")
-    return found
+        require_here(membership.endpoint, insecure, "--insecure")
+    return membership
 
 
 def identity_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:

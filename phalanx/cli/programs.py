@@ -82,8 +82,8 @@ def plant(
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed or 0.0)
     endpoint = connect or listen
-    own = identity_for(keys, endpoint, insecure)
-    membership = Membership(run, endpoint, secret.encode(), PLANT, identity_folder=own)
+    identity = identity_for(keys, endpoint, insecure)
+    membership = Membership(run, endpoint, secret.encode(), PLANT, identity_folder=identity)
     options = {
         "folder": folder,
         "policy": policy,
@@ -128,8 +128,8 @@ def agent(
         expected = f"expected one of {', '.join(names)}"
         raise typer.BadParameter(f"agent: {expected}, got {name or 'no name'}")
     endpoint = endpoint_for(connect, keys)
-    own = identity_for(keys, endpoint, insecure)
-    membership = Membership(run, endpoint, secret.encode(), name, timeout, own)
+    identity = identity_for(keys, endpoint, insecure)
+    membership = Membership(run, endpoint, secret.encode(), name, timeout, identity)
     return _run_here(resolved, membership, {})
 
 
@@ -170,15 +170,15 @@ def tap(
     from phalanx.wire.tap import tapped
 
     if connect:
-        own = identity_for(keys, connect, insecure)
+        identity = identity_for(keys, connect, insecure)
         membership = Membership(
-            require_run(run), connect, secret.encode(), timeout=10.0, identity_folder=own
+            require_run(run), connect, secret.encode(), timeout=10.0, identity_folder=identity
         )
     else:
-        found = live_run(Path(run), insecure)
-        if found is None:
+        live = live_run(Path(run), insecure)
+        if live is None:
             raise typer.BadParameter(f"{run}: no live run; or give its name and --connect")
-        membership = found
+        membership = live
     for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
         echo(json.dumps([key, fields], default=repr))
         if number == count:

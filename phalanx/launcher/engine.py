@@ -107,8 +107,10 @@ class RunOptions:
     def __post_init__(self) -> None:
         hub = require_engine(self.engine).hub
         require_functions(progress=self.progress, announce=self.announce)
-        wanted = self.listen or self.secret or self.announce is not silent or self.commands.secret
-        if wanted and not hub:
+        needs_hub = (
+            self.listen or self.secret or self.announce is not silent or self.commands.secret
+        )
+        if needs_hub and not hub:
             raise ValueError(
                 f"engine {self.engine!r} has no hub to listen on, to watch or to command"
             )

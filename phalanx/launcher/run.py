@@ -51,7 +51,7 @@ class Run:
         self._recording = recording
         self._opened = recording.path if recording else folder
         """The path to read again: an opened file may have another name than recording.mcap."""
-        self._made = recording is None
+        self._made_here = recording is None
         """Whether this program or its worker made the run, and so chose its code."""
         self._trust = False
 
@@ -59,12 +59,12 @@ class Run:
         """Return the state for another process, with all files of a temporary folder."""
         paths = self.folder.rglob("*") if self._temporary else ()
         files = {p.relative_to(self.folder): p.read_bytes() for p in paths if p.is_file()}
-        kept = ("folder", "summary", "_opened", "_made")
+        kept = ("folder", "summary", "_opened", "_made_here")
         return {"files": files, **{name: getattr(self, name) for name in kept}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         files = state.pop("files")
-        vars(self).update(state, _recording=None, _temporary=None, _trust=state["_made"])
+        vars(self).update(state, _recording=None, _temporary=None, _trust=state["_made_here"])
         if files:
             self._temporary = tempfile.TemporaryDirectory(prefix="phalanx-")
             self.folder = self._opened = Path(self._temporary.name) / self.folder.name
@@ -171,8 +171,8 @@ class Run:
 
         Raises ValueError: there is no such panel or style, or the recording holds no state.
         """
-        drawn: dict[str, Any] = extension("plot")(self.recording, panels, axes, style)
-        return drawn
+        axes_by_panel: dict[str, Any] = extension("plot")(self.recording, panels, axes, style)
+        return axes_by_panel
 
     def animate(self, path: str | Path, *, speed: float = 1.0, per_second: int = 15) -> Path:
         """Write the run as a moving picture: agents, broadcasts, h_tot, and the verdict at its end.

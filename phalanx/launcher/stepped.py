@@ -76,7 +76,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
         self.folder = new_folder(parent, rows.swarm.scenario.name)
         """The run's folder, with its recording."""
         self._simulation = Simulation(rows, self.folder, options)
-        self._given: list[Command] = []
+        self._commands: list[Command] = []
         # Also at the program's end; it holds no reference to this object.
         self._forgotten = weakref.finalize(self, self._simulation.finish, "its program left it")
 
@@ -116,7 +116,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     @property
     def commands(self) -> tuple[Command, ...]:
         """All commands given so far, each with its time: run repeats them as a schedule."""
-        return (*self._schedule, *self._given)
+        return (*self._schedule, *self._commands)
 
     def step(self) -> bool:
         """Go on to the next instant, at which agents sample or inputs take effect.
@@ -165,7 +165,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
                 f"end, {self.scenario.duration:g} s, got {command.t:g}"
             )
         simulation.queue.add(command)
-        self._given.append(command)
+        self._commands.append(command)
         return command
 
     def end(self) -> Run:

@@ -88,11 +88,11 @@ def verify(
         return Verification(difference, len(recorded.shown), 0)
     scenario = _until_its_end(recorded).model_copy(update={} if seed is None else {"seed": seed})
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
-        made = execute(scenario, Path(folder), options)
-        if made.outcome is Outcome.STOPPED:
+        summary = execute(scenario, Path(folder), options)
+        if summary.outcome is Outcome.STOPPED:
             raise KeyboardInterrupt
-        if made.outcome is Outcome.BROKEN and not cut_short(recorded):
-            raise EngineError(f"run again, it broke: {made.reason}")
+        if summary.outcome is Outcome.BROKEN and not cut_short(recorded):
+            raise EngineError(f"run again, it broke: {summary.reason}")
         again = read(Path(folder))
     difference = first_difference(recorded, again)
     if difference is not None and world is not None and world.determinism == "build":
@@ -126,29 +126,29 @@ def _decided_again(recorded: Recording) -> Recording:
     swarm = build_swarm(recorded.scenario)
     rows, states = build_rows(swarm), StateCodec(swarm)
     steps = {s.name: s for name in recorded.scenario.programs() for s in control_steps(rows, name)}
-    found = {(step.agent, step.k): place for place, step in enumerate(recorded.steps)}
+    index_of_step = {(step.agent, step.k): index for index, step in enumerate(recorded.steps)}
     again = list(recorded.steps)
-    for shown in recorded.shown:
-        place = found.get((shown.agent, shown.k))
-        if place is not None:
-            again[place] = _decided(steps[shown.agent], shown, again[place], states)
+    for sample in recorded.shown:
+        index = index_of_step.get((sample.agent, sample.k))
+        if index is not None:
+            again[index] = _decided(steps[sample.agent], sample, again[index], states)
     return Recording(recorded.path, recorded.scenario, recorded.metadata, recorded.states, again)
 
 
-def _decided(step: ControlStep, shown: StepData, recorded: Step, states: StateCodec) -> Step:
-    if shown.adversary:
+def _decided(step: ControlStep, sample: StepData, recorded: Step, states: StateCodec) -> Step:
+    if sample.adversary:
         step.apply_commands(ActiveCommands(adversary=True))
     names = step.swarm.names
-    seen = tuple(map(names.index, shown.seen))
-    x = states.unpack(np.array(shown.x, dtype="<f8").tobytes(), seen)
+    visible = tuple(map(names.index, sample.seen))
+    x = states.unpack(np.array(sample.x, dtype="<f8").tobytes(), visible)
     received = {
-        names.index(sender): AnnouncedInput(since, tuple(u)) for sender, since, u in shown.received
+        names.index(sender): AnnouncedInput(since, tuple(u)) for sender, since, u in sample.received
     }
-    result = step.decide(x, seen, shown.t, received)
+    result = step.decide(x, visible, sample.t, received)
     return msgspec.structs.replace(
         recorded,
         u=tuple(result.decision.u.tolist()),
-        ages=[(names[l], shown.t - received[l].t_apply) for l in result.used],
+        ages=[(names[l], sample.t - received[l].t_apply) for l in result.used],
         **msgspec.structs.asdict(result.report(recorded.solve_time)),
     )
 
@@ -159,22 +159,24 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     Solve times and run names are not compared: they are not part of the trajectory. A recording
     that was cut short is compared up to its end.
     """
-    members, found = build_swarm(recorded.scenario).members, []
+    members, differences = build_swarm(recorded.scenario).members, []
     states = [f"agent {m.name} {state}" for m in members for state in m.dynamics.states]
     inputs = {m.name: [f"u.{name}" for name in m.dynamics.inputs] for m in members}
     for n, (old, new) in enumerate(zip(recorded.states, again.states, strict=False)):
         if old != new:
             what = _first_field(old, new, "x", states)
-            found.append((old.t, f"state {n} at t = {old.t:.6f} s: {what}"))
+            differences.append((old.t, f"state {n} at t = {old.t:.6f} s: {what}"))
             break
     for n, (a, b) in enumerate(zip(recorded.steps, again.steps, strict=False)):
         b.solve_time = a.solve_time  # wall time
         if a != b:
             where = f"step {n}, agent {a.agent}, k = {a.k}, t = {a.t:.6f} s"
-            found.append((a.t, f"{where}: {_first_field(a, b, 'u', inputs.get(a.agent, []))}"))
+            differences.append(
+                (a.t, f"{where}: {_first_field(a, b, 'u', inputs.get(a.agent, []))}")
+            )
             break
-    if found:
-        return min(found, key=lambda each: each[0])[1]
+    if differences:
+        return min(differences, key=lambda each: each[0])[1]
     counts = [
         ("steps", len(recorded.steps), len(again.steps)),
         ("states", len(recorded.states), len(again.states)),

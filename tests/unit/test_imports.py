@@ -108,7 +108,7 @@ BUDGET: Mapping[str, int] = {
     "faults": 1020,
     "guarantee": 2360,
     "hosts": 340,
-    "launcher": 2260,
+    "launcher": 2280,
     "messages": 960,
     "network": 1480,
     "plant": 4880,
