@@ -4,7 +4,6 @@ A behaviour is the weakest pair, when it was weakest, and by what means. Each be
 plain scenario, which `phalanx run` repeats to the same hash.
 """
 
-import copy
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -14,7 +13,7 @@ from phalanx.attacks.knobs import Fields
 from phalanx.attacks.trial import START, robustness_of
 from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome
-from phalanx.scenario.load import scenario_text, set_field
+from phalanx.scenario.load import read_table, scenario_text
 from phalanx.studies.row import Row
 from phalanx.studies.statistics import Interval, clopper_pearson
 
@@ -107,10 +106,7 @@ class Archive:
 
 def table_of(base: Fields, find: Find) -> Fields:
     """Return the scenario of a find: the base with what the search changed."""
-    table = copy.deepcopy(base)
-    for path, value in find.row.overrides.items():
-        set_field(table, path, value)
-    return {**table, "seed": find.row.identity.seed}
+    return {**read_table(base, find.row.overrides), "seed": find.row.identity.seed}
 
 
 def write_finds(

@@ -13,7 +13,7 @@ from phalanx.attacks.trial import nearest, shortfall
 from phalanx.guarantee.start import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
-from phalanx.scenario.load import ScenarioError, digest, read_table, scenario_text, validate
+from phalanx.scenario.load import ScenarioError, digest, scenario_text, validate
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
 
@@ -191,13 +191,6 @@ def differences(file: Path, engines: Sequence[str]) -> list[str]:
             if value != getattr(expected, word)
         ]
     return deviations
-
-
-def read_attack(file: Path, attacked: str | None) -> tuple[Fields, Fields, str]:
-    """Return the tables of an attack and of the scenario attacked, and the latter's name."""
-    table = read_table(file)
-    name = attacked or str(table.get("name", ""))
-    return table, read_table(name), name
 
 
 class Side(NamedTuple):

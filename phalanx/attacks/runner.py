@@ -16,7 +16,7 @@ from phalanx.attacks.presets import WITHIN, preset
 from phalanx.attacks.search import History, Options, Search, declaration
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
-from phalanx.scenario.load import load, read_table, set_field
+from phalanx.scenario.load import load, read_table
 from phalanx.studies.pool import Pool
 from phalanx.studies.store import Store, StudyError
 
@@ -59,9 +59,7 @@ def attack(
         StudyError: the folder has another search, or is in use.
         ImportError: the optimiser is not installed.
     """
-    table = read_table(source)
-    for path, value in overrides.items():
-        set_field(table, path, value)
+    table = read_table(source, overrides)
     if options.preset or "attack" not in table:
         table["attack"] = _with_preset(table, options.preset or WITHIN)
     space, knobs = space_of(table, source), Attack.model_validate(table["attack"])

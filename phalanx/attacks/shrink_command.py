@@ -38,11 +38,14 @@ def shrink(
 
       phalanx shrink found/01-1-4-2.05s.toml --attacked guaranteed --out smallest.toml
     """
-    from phalanx.attacks.minimise import attack_text, read_attack, smallest
+    from phalanx.attacks.minimise import attack_text, smallest
+    from phalanx.scenario.load import read_table
 
-    table, origin, attacked_name = read_attack(file, attacked)
+    table = read_table(file)
+    attacked = attacked or str(table.get("name", ""))
+    origin = read_table(attacked)
     shrunk = smallest({**table, "name": name or table["name"]}, origin)
-    text = attack_text(shrunk, origin, attacked_name, f"phalanx run {out or 'FILE'}")
+    text = attack_text(shrunk, origin, attacked, f"phalanx run {out or 'FILE'}")
     if out is None:
         echo(text)
         return 0

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
@@ -72,12 +73,11 @@ def load(
     Raises:
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
-    where, table = "scenario" if isinstance(source, Mapping) else str(source), read_table(source)
+    where = "scenario" if isinstance(source, Mapping) else str(source)
     if not isinstance(overrides, Mapping):
         overrides = dict(map(field_and_value, overrides))
     overrides = {path: _as_table(path, value) for path, value in overrides.items()}
-    for path, value in overrides.items():
-        set_field(table, path, value)
+    table = read_table(source, overrides)
     if seed is not None:
         table["seed"] = seed
     # No command can read a table.
@@ -91,9 +91,17 @@ def reading_of(source: str, overrides: Mapping[str, Any]) -> Reading:
     return Reading(source=source, overrides={p: inline(v) for p, v in overrides.items()})
 
 
-def read_table(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a scenario that load takes, before any override. Raises ScenarioError."""
-    return copy.deepcopy(dict(source)) if isinstance(source, Mapping) else _parsed(str(source))
+def read_table(
+    source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """Return a copy of the table of a scenario that load takes, with some fields set by path.
+
+    Raises ScenarioError.
+    """
+    table = copy.deepcopy(dict(source)) if isinstance(source, Mapping) else _parsed(str(source))
+    for path, value in overrides.items():
+        set_field(table, path, value)
+    return table
 
 
 def described(error: ValidationError, source: str) -> str:

@@ -15,7 +15,6 @@ from phalanx.scenario.load import (
     described,
     read_table,
     reading_of,
-    set_field,
     validate,
     value_from,
 )
@@ -179,10 +178,7 @@ class Plan(Strict):
 
     def undrawn(self, overrides: Mapping[str, Any]) -> Scenario:
         """Return a scenario before a seed draws starts and obstacles. Raises ScenarioError."""
-        table = read_table(self.table)
-        for path, value in overrides.items():
-            set_field(table, path, value)
-        return validate(table, "scenario", drawn=False)
+        return validate(read_table(self.table, overrides), "scenario", drawn=False)
 
     def command(self, case: Case) -> str:
         """Return the command that runs a case alone, whether or not its scenario is valid."""

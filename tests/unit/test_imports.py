@@ -117,7 +117,7 @@ BUDGET: Mapping[str, int] = {
     "scenario": 1520,
     "schema": 800,
     "seeded": 180,
-    "studies": 2580,
+    "studies": 2560,
     "swarm": 1400,
     "theory": 8440,
     "viewer": 5300,
