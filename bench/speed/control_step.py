@@ -134,7 +134,7 @@ def in_sight(rows: SafetyRows, i: int, now: Sampled) -> Array:
     """Return 1 for each pair of which agent i sees both sides, else 0, shape (p,)."""
     swarm = rows.swarm
     members = np.isin(np.arange(len(swarm.members)), now.visible)
-    near = rows.composed.in_sight.of(swarm.members[i].dynamics, swarm.sensing(i))
+    near = rows.composed.obstacles_within(i, swarm.sensing(i))
     obstacles = np.ones(len(swarm.pairs.obstacles))
     if near is not None:
         (obstacles,) = near(now.x[swarm.safe_set.parts[i]], swarm.pairs.parameters)

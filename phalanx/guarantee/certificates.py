@@ -18,8 +18,8 @@ from phalanx.guarantee.certificate import (
 )
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array, Index, Mask
+from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
-from phalanx.theory.expressions.kept import kept
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import spread
@@ -63,11 +63,6 @@ class SwarmCertificates:
         self.swarm, self.pairs = swarm, swarm.pairs
         self.ends: Index = swarm.pairs.every
         """Sides of each pair of the safe set: a, and b or N + k for obstacle k; shape (p, 2)."""
-        statics = [-1] * len(swarm.safe_set.obstacles)
-        number_of: Index = np.array([*swarm.group_numbers, *statics])
-        sorts = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
-        self.sorts: Index = np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
-        """The same number for pairs with the same groups and expressions, shape (p,)."""
         self.kinds: list[_Kind] = []
         """In the order of first use."""
         self._number: dict[tuple[int, int], int] = {}
@@ -82,7 +77,7 @@ class SwarmCertificates:
 
     def kind(self, pair: int, own: int) -> int:
         """Return the number of a pair's kind, for the agent whose place in it is `own`."""
-        key = own, int(self.sorts[pair])
+        key = own, int(self.swarm.pair_sorts[pair])
         if key not in self._number:
             self._number[key] = len(self.kinds)
             self.kinds.append(self._compiled(pair, own))
@@ -144,9 +139,9 @@ class SwarmCertificates:
 
         def of_process() -> _Kind:
             # Another run of this process may have had such a pair.
-            return kept((text, _limits_text(alone, alphas), own, *bounds, tau), compiled)
+            return cached((text, _limits_text(alone, alphas), own, *bounds, tau), compiled)
 
-        return swarm.shared(key, of_process)
+        return swarm.functions.get(key, of_process)
 
 
 def _limits_text(pair: ComposedSet, alphas: Sequence[ClassK]) -> str:
@@ -205,7 +200,7 @@ class AgentCertificates:
         width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Positions of each pair's variables, shape (p, n), padded with zeros."""
-        sorts = 2 * swarm.sorts[mine] + self.sides
+        sorts = 2 * swarm.swarm.pair_sorts[mine] + self.sides
         for sort in np.unique(sorts).tolist():
             which = np.flatnonzero(sorts == sort)
             number = swarm.kind(self.pairs[which[0]], sort % 2)
@@ -284,7 +279,7 @@ def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]
 
     It is that of the verdict for the pairs in sight. Compiled when it is first called.
     """
-    compiled = cache(lambda: swarm.once(SwarmCertificates).of(i))
+    compiled = cache(lambda: SwarmCertificates(swarm).of(i))
 
     def certified(x: Array, u: Array, seen: Sequence[int]) -> float:
         each = compiled()

@@ -33,7 +33,7 @@ class OwnProofs:
         swarm = rows.swarm
         self._needed = swarm.horizon(i)
         """Until agent i's next sample at the latest [s]."""
-        self.own = own = swarm.once(SwarmCertificates).of(i)
+        self.own = own = SwarmCertificates(swarm).of(i)
         self.others = own.others
         self.agents = len(swarm.members)
         self._seen: tuple[int, ...] = ()

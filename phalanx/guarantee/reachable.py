@@ -57,7 +57,7 @@ class ReachableBoxes:
             horizon = MULTIPLES[0] * tau + self._lasting
             states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
             made = partial(_box, swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
-            box = swarm.shared(("reachable box", number, horizon), made)
+            box = swarm.functions.get(("reachable box", number, horizon), made)
             self._groups.append(_Group(own, states, box))
 
     def near(self, i: int, others: Index, t: float, x: Array) -> Mask:

@@ -185,8 +185,8 @@ def promised(swarm: Swarm) -> Promise:
 
 def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
     """Return time [s] -> the pairs for which h <= 0 is not proven up to it; x: x(0), (n̄,)."""
-    certificates, time = swarm.once(SwarmCertificates), ca.SX.sym("T")
-    ends, sorts, numbers = certificates.ends, certificates.sorts, swarm.pairs.numbers(x)
+    certificates, time = SwarmCertificates(swarm), ca.SX.sym("T")
+    ends, sorts, numbers = certificates.ends, swarm.pair_sorts, swarm.pairs.numbers(x)
     bounds = list[tuple[Index, MappedFunction, Index]]()
     for sort in np.unique(sorts).tolist():
         which = np.flatnonzero(sorts == sort)
@@ -226,7 +226,7 @@ class CertifiedStart(NamedTuple):
 
 def certified_start(swarm: Swarm) -> CertifiedStart:
     """Evaluate the certificates of the verdict at x(0)."""
-    certificates = swarm.once(SwarmCertificates)
+    certificates = SwarmCertificates(swarm)
     agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
     refused, reasons = {}, {i: each.refused for i, each in agents.items()}
@@ -251,7 +251,7 @@ def longest_certificate(swarm: Swarm, i: int, x: Array) -> float:
     The inputs are zero and the corners of U_i; with a latency, zero alone, which is held at first.
     Pairs for which no certificate exists do not count.
     """
-    certificates, dynamics = swarm.once(SwarmCertificates).of(i), swarm.members[i].dynamics
+    certificates, dynamics = SwarmCertificates(swarm).of(i), swarm.members[i].dynamics
     inputs = [np.zeros(len(dynamics.inputs))]
     if not swarm.time.latency:
         state = ca.SX.sym("x", len(dynamics.states))

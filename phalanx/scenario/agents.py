@@ -21,7 +21,7 @@ from phalanx.schema.fields import (
 )
 from phalanx.schema.registry import is_users
 from phalanx.schema.user_code import names_user_code
-from phalanx.theory.expressions.kept import kept, kept_for
+from phalanx.theory.expressions.cache import cached, cached_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Controller, Law
@@ -137,7 +137,7 @@ class AgentGroup(Strict):
     def _resolve(self) -> Self:
         self._dynamics = built("dynamics", Dynamics, self.dynamics)
         try:
-            kept_for([self._dynamics], "sound", partial(require_sound, self._dynamics))
+            cached_for([self._dynamics], "sound", partial(require_sound, self._dynamics))
         except MistakenMethodError as error:
             raise field_error(("dynamics",), error.expected, Unquoted(error.got)) from error
         self._law = self.fresh_law() if self._names_user_code else self.law_object()
@@ -226,7 +226,7 @@ class AgentGroup(Strict):
         """Return one agent's law, prepared; a user's law may have a state, built-in ones do not."""
         if not self._names_user_code:
             # In each thread another: a compiled law writes to buffers.
-            return kept(("law", repr(self.law), repr(self.dynamics)), self.fresh_law)
+            return cached(("law", repr(self.law), repr(self.dynamics)), self.fresh_law)
         return self.fresh_law() if is_users(self.law) else self._law
 
     @property

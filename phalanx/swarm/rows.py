@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from phalanx.scenario.load import ScenarioError
-from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
@@ -52,12 +51,6 @@ class SafetyRows:
         computed from pairs instead.
         """
         return _chain(self.swarm, self.swarm.safe_set)
-
-    def with_scenario(self, scenario: Scenario) -> "SafetyRows":
-        """Return the rows of a scenario with the same compiled_fields; functions are shared."""
-        swarm = self.swarm.with_scenario(scenario)
-        views = {i: view.with_scenario(scenario) for i, view in self._views.items()}
-        return SafetyRows(swarm, self.composed.with_pairs(swarm.pairs), views)
 
     def seen_by(self, i: int) -> "SafetyRows":
         """Return the rows of the swarm as agent i knows it; these, where roles are declared.
@@ -129,7 +122,7 @@ class SafetyRows:
 
     def _pair_terms(self, i: int, margin: AgentMargin | None) -> OwnPairTerms:
         swarm, radius = self.swarm, self.swarm.sensing(i)
-        near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
+        near = self.composed.obstacles_within(i, radius)
         row = partial(self.row_function, i, margin)
         return OwnPairTerms(swarm.pairs, i, row, near)
 
@@ -152,7 +145,7 @@ class SafetyRows:
             eta = ca.SX(0) if margin is None else margin.of(pair.chain, pair.side, part)
             return PairRowFunction(pair, part, eta, symbols)
 
-        return swarm.shared(key, compiled)
+        return swarm.functions.get(key, compiled)
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""
@@ -168,7 +161,7 @@ class SafetyRows:
         swarm = self.swarm
         groups = [swarm.group_numbers[swarm.names.index(m.name)] for m in pair.members]
         key, row = ("psi", swarm.pairs.kinds[kind].text, *groups), [pair.x, pair.parameters]
-        return swarm.shared(key, lambda: MappedFunction(row, list(_chain(swarm, pair).psi)))
+        return swarm.functions.get(key, lambda: MappedFunction(row, list(_chain(swarm, pair).psi)))
 
     def margin(self, i: int) -> AgentMargin:
         """Return the scenario's choice of agent i's margins."""

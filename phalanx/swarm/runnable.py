@@ -20,7 +20,7 @@ from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.kept import kept_for
+from phalanx.theory.expressions.cache import cached_for, scenario_functions
 from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers, is_built_in
 from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.margins.integrated import RowPart
@@ -54,22 +54,8 @@ def shared_rows(scenario: Scenario) -> SafetyRows:
     """
     if names_user_code(scenario.model_dump(mode="json")):  # its objects may keep a state
         return require_runnable(build_swarm(scenario))
-    fields = compiled_fields(scenario)
-    if fields in _shared:
-        rows = _shared[fields].with_scenario(scenario)
-        with endless_loops(rows.swarm.time.timeout):
-            _evaluate_start(rows)
-    else:
-        rows = require_runnable(build_swarm(scenario))
-        if len(_shared) == _MOST_SHARED:
-            del _shared[next(iter(_shared))]
-    _shared[fields] = rows  # the newest has all that was compiled so far
-    return rows
-
-
-_shared: dict[str, SafetyRows] = {}
-"""Rows by all that decides on their functions, the oldest first."""
-_MOST_SHARED = 4
+    functions = scenario_functions(compiled_fields(scenario))
+    return require_runnable(build_swarm(scenario, functions))
 
 
 def _evaluate_start(rows: SafetyRows) -> None:
@@ -210,7 +196,7 @@ def require_dynamics(dynamics: Dynamics, states: Sequence[Array], where: str = "
 
     The input polytope is checked at the first. where: the states' name in the message, "the start".
     """
-    evaluate, constant = kept_for([dynamics], "methods", partial(_methods, dynamics))
+    evaluate, constant = cached_for([dynamics], "methods", partial(_methods, dynamics))
     for x in states:
         for method, value in zip(_METHODS, evaluate(x), strict=False):
             _require_finite(dynamics, method, x, np.array(value), where)

@@ -2,10 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,8 @@ from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
-from phalanx.theory.arrays import Array, Mask
+from phalanx.theory.arrays import Array, Index, Mask
+from phalanx.theory.expressions.cache import FunctionCache
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.laws.goals import Stay
@@ -28,8 +29,6 @@ from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
-
-T = TypeVar("T")
 
 
 class Broadcaster(NamedTuple):
@@ -52,13 +51,6 @@ class Swarm:
     """All pairs, composed."""
     pairs: SwarmPairs
     """The same pairs, evaluated kind by kind."""
-    compiled: dict[object, Any] = field(
-        default_factory=dict, compare=False, repr=False, kw_only=True
-    )
-    """Functions compiled so far, by all that decides on them; agents' views share them."""
-    _built: dict[object, object] = field(
-        default_factory=dict, compare=False, repr=False, kw_only=True
-    )
 
     @property
     def safety(self) -> Safety:
@@ -72,14 +64,10 @@ class Swarm:
     def seed(self) -> int:
         return self.scenario.seed
 
-    def with_scenario(self, scenario: Scenario) -> "Swarm":
-        """Return the swarm of a scenario with the same compiled_fields; functions are shared."""
-        static = scenario.static
-        if static == self.safe_set.obstacles:
-            return replace(self, scenario=scenario)
-        safe_set = replace(self.safe_set, obstacles=static)
-        pairs = self.pairs.with_obstacles(static)
-        return replace(self, scenario=scenario, safe_set=safe_set, pairs=pairs, _built={})
+    @property
+    def functions(self) -> FunctionCache:
+        """Those that depend on a key and compiled_fields alone; the swarm's views share them."""
+        return self.pairs.functions
 
     def seen_by(self, i: int) -> "Swarm":
         """Return the swarm as normal agent i knows it if it reads no role: all others may attack.
@@ -89,31 +77,14 @@ class Swarm:
         whole = self.safe_set
         members = [replace(m, adversary=l != i) for l, m in enumerate(whole.members)]
         composed = compose(members, whole.obstacles, whole.function, self.safety.rho)
-        pairs = SwarmPairs(members, whole.obstacles, whole.function, self.pairs.degree)
-        return Swarm(self.scenario, composed, pairs, compiled=self.compiled)
+        gains = self.pairs.degree
+        pairs = SwarmPairs(members, whole.obstacles, whole.function, gains, self.functions)
+        return Swarm(self.scenario, composed, pairs)
 
     @property
     def seeds(self) -> Seeds:
         """The seed in force at each time."""
         return self.links.seeds
-
-    def once(self, build: "Callable[[Swarm], T]") -> T:
-        """Return build(swarm), made when first asked for; swarms with equal obstacles share it.
-
-        What is built must depend on obstacles and compiled_fields alone, and keep no state.
-        """
-        if build not in self._built:
-            self._built[build] = build(self)
-        return cast(T, self._built[build])
-
-    def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return make(), or what it made for an equal key; swarms by with_scenario share it.
-
-        What is made must depend on the key and compiled_fields alone, and keep no state.
-        """
-        if key not in self.compiled:
-            self.compiled[key] = make()
-        return cast(T, self.compiled[key])
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -192,7 +163,7 @@ class Swarm:
             composed = self.safe_set
             return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
 
-        return self.shared(("positions",), compiled)
+        return self.functions.get("positions", compiled)
 
     def distance(self, x: Array, i: int, j: int) -> float:
         """Return the distance of the output points of agents i and j at the stacked state x [m]."""
@@ -296,9 +267,19 @@ class Swarm:
     @cached_property
     def _outputs(self) -> dict[str, Output]:
         return {
-            m.name: Output(i, self.shared(("motion", g), partial(motion_function, m.dynamics)))
+            m.name: Output(
+                i, self.functions.get(("motion", g), partial(motion_function, m.dynamics))
+            )
             for i, (g, m) in enumerate(zip(self.group_numbers, self.members, strict=True))
         }
+
+    @cached_property
+    def pair_sorts(self) -> Index:
+        """The same number for pairs of the same groups and expressions, shape (p,)."""
+        pairs, statics = self.pairs.every, [-1] * len(self.safe_set.obstacles)
+        groups: Index = np.array([*self.group_numbers, *statics])
+        sorts = np.column_stack([groups[pairs], self.pairs.kinds_of(pairs)])
+        return np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
 
     def h_of_pairs(self, x: Array) -> dict[str, Array]:
         """Return every pair's h at stacked states x, shape (s, n̄), as "<agent>-<agent>"."""
@@ -356,8 +337,10 @@ def compiled_fields(scenario: Scenario) -> str:
     return scenario.model_dump_json(exclude=free)
 
 
-def build_swarm(scenario: Scenario) -> Swarm:
+def build_swarm(scenario: Scenario, functions: FunctionCache | None = None) -> Swarm:
     """Compose the scenario's safe set.
+
+    functions: of scenarios with the same compiled_fields; None for new ones.
 
     Raises:
         ScenarioError: positions of different dimension, mixed relative degree, a wrong number of
@@ -371,7 +354,8 @@ def build_swarm(scenario: Scenario) -> Swarm:
     try:
         function = safety.safe_set_function
         composed = compose(members, scenario.static, function, safety.rho)
-        pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.class_k))
+        gains = len(safety.class_k)
+        pairs = SwarmPairs(members, composed.obstacles, function, gains, functions)
     except (ValueError, EmptyPolytopeError) as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
     except Exception as error:  # CasADi's, on a user's expressions

@@ -83,7 +83,7 @@ def motion_check(swarm: Swarm, l: int) -> MotionCheck:
     """Return the motion check of agent l, compiled once for its group."""
     key = "motion check", swarm.group_numbers[l]
     bound = swarm.groups[l].disturbance.bound + DEFECT
-    return swarm.shared(key, lambda: MotionCheck(swarm.members[l].dynamics, bound))
+    return swarm.functions.get(key, lambda: MotionCheck(swarm.members[l].dynamics, bound))
 
 
 def covering(

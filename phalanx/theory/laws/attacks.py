@@ -13,9 +13,9 @@ import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.cache import FunctionCache, cached_for
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.kept import kept_for
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import (
     Gains,
@@ -104,7 +104,7 @@ class Chase:
     def _towards_each(self, targets: Sequence[Dynamics]) -> list[CompiledFunction]:
         """Compile the input for the state of each target, once for each dynamics."""
         compiled = {
-            number: kept_for(
+            number: cached_for(
                 [self._dynamics, each], ("chase", self.gains), partial(self._to_state, each)
             )
             for number, each in {id(each): each for each in targets}.items()
@@ -131,9 +131,11 @@ class _Team:
         ]
         # All agents of the team, and other runs, have the same functions.
         kinds = [o if not isinstance(o, Sphere) else len(o.center) for o in around]
-        dynamics, make = [m.dynamics for m in team], partial(_terms_of, guard, team, around)
-        terms = kept_for([guard, *dynamics], ("team", repr(kinds)), make)
-        swarm = terms.with_pairs(terms.pairs.with_obstacles(around))
+        of = [guard, *[m.dynamics for m in team]]
+        functions = cached_for(of, ("team", repr(kinds)), FunctionCache)
+        function, gains = Separation(guard.radius), [Linear(gain) for gain in guard.alpha]
+        pairs = SwarmPairs(team, around, function, len(gains), functions)
+        swarm = SwarmTerms(pairs, guard.rho, gains, guard.xi)
         self._terms = swarm.of(self._self, None, guard.eta)
         self._states = swarm.members.states
         self._unseen = np.full(self._states[-1].stop, np.nan)
@@ -149,11 +151,6 @@ class _Team:
         terms = self._terms(stacked, in_sight)
         row = split_row(terms, self._self, in_sight)
         return decide(terms, self._self, row, u_nom, self._qp).u
-
-
-def _terms_of(guard: Guard, team: Sequence[Member], around: Sequence[Obstacle]) -> SwarmTerms:
-    pairs = SwarmPairs(team, around, Separation(guard.radius), len(guard.alpha))
-    return SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
 
 
 @dataclass
@@ -205,7 +202,7 @@ class WorstLookahead:
             if l == i or not member.adversary:
                 same = (each for each in motions.values() if each.dynamics is member.dynamics)
                 make = partial(_Motion, member.dynamics, self.horizon)
-                motions[l] = next(same, None) or kept_for([member.dynamics], self.horizon, make)
+                motions[l] = next(same, None) or cached_for([member.dynamics], self.horizon, make)
         joined._motions = motions
         return joined
 

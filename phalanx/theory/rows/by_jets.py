@@ -5,19 +5,19 @@ of kinds only, and serves all agents that see as many of each kind.
 """
 
 from collections.abc import Sequence
-from copy import copy
 from functools import cache, cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Index
 from phalanx.theory.expressions.compiled import MappedFunction, rounded_up
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.jets import LogSumExpJets
-from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+from phalanx.theory.safety.kinds import PairKind
+from phalanx.theory.safety.pairs import ChosenPairs
 
 MembersByKind = Sequence[tuple[int, Sequence[int]]]
 """(number of a kind, members of it)."""
@@ -51,20 +51,12 @@ class _Gathered:
 class TermsByJets:
     """Builder of functions that compute terms, one for each number of pairs and members."""
 
-    def __init__(self, pairs: SwarmPairs, members: SwarmMembers, jets: LogSumExpJets) -> None:
-        self.pairs, self.members = pairs, members
-        self.numbers: Array = np.concatenate(
-            [np.zeros(pairs.states), pairs.parameters, members.corners]
-        )
-        """A function's numbers: the state, obstacles' parameters and the corners of each U."""
-        self.jets, self._functions = jets, cache(self._make)
-
-    def with_pairs(self, pairs: SwarmPairs) -> Self:
-        """The same functions for pairs by SwarmPairs.with_obstacles."""
-        other, numbers = copy(self), self.numbers.copy()
-        numbers[pairs.states : pairs.states + len(pairs.parameters)] = pairs.parameters
-        other.pairs, other.numbers = pairs, numbers
-        return other
+    def __init__(
+        self, kinds: Sequence[PairKind], members: SwarmMembers, jets: LogSumExpJets
+    ) -> None:
+        """kinds: of the swarm's pairs."""
+        self.kinds, self.members, self.jets = kinds, members, jets
+        self._functions = cache(self._make)
 
     @cached_property
     def parts_of(self) -> list[list[MappedFunction | None]]:
@@ -72,7 +64,7 @@ class TermsByJets:
         by_text: dict[str, MappedFunction] = {}
         return [
             [part and by_text.setdefault(part.text, part) for part in kind.shared.parts]
-            for kind in self.pairs.kinds
+            for kind in self.kinds
         ]
 
     @cached_property
@@ -89,7 +81,7 @@ class TermsByJets:
         Its results: ψ_0 ... ψ_{q-1} and the unforced part; c of all members; and for each the least
         and most of c u, or A and b of a U that varies with the state.
         """
-        q, swarm = self.pairs.degree, self.members
+        q, swarm = self.jets.degree, self.members
         c, count = self.layout(
             [(swarm.kinds[k].inputs, kind_members) for k, kind_members in members], 0
         )
@@ -116,15 +108,15 @@ class TermsByJets:
         return self._functions(shape), tables
 
     def _make(self, shape: _Shape) -> ca.Function:
-        q, chosen = self.pairs.degree, _Gathered()
-        numbers = ca.MX.sym("numbers", len(self.numbers))
+        q, chosen = self.jets.degree, _Gathered()
+        numbers = ca.MX.sym("numbers", self.members.length)
         vectors, results = [numbers], []
         for k, room in shape.parts:
             part = self.parts[k]
             vectors.append(ca.vec(part.mapped(room)(chosen(numbers, part.inputs, room))))
         once = ca.vertcat(*vectors)
         for k, room in shape.pairs:
-            function = self.pairs.kinds[k].shared.jets
+            function = self.kinds[k].shared.jets
             results.append(ca.vec(function.mapped(room)(chosen(once, function.inputs, room))))
         jets = ca.vertcat(*results, ca.MX(FAR), 0.0)
         chain, weights = self.jets.composition(shape.room)(chosen(jets, q + 1, shape.room))
@@ -169,7 +161,7 @@ class _Jets:
     """Indices of the jets among the results of all groups, which have room for more pairs."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
-        q, begin = by_jets.pairs.degree, 0
+        q, begin = by_jets.jets.degree, 0
         h, forces = list[Index](), list[Index]()
         for group in pairs.groups:
             width = group.kind.shared.jets.results
@@ -189,7 +181,7 @@ class _Parts:
     """Indices of the terms of one member alone, which all its pairs share."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
-        self._of, begin = by_jets.parts_of, len(by_jets.numbers)
+        self._of, begin = by_jets.parts_of, by_jets.members.length
         self._first: dict[int, Index] = {}
         self.tables: list[Index] = []
         """Indices of the states that each function takes, row by row."""

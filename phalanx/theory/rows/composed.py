@@ -4,7 +4,7 @@ The cost does not grow with the swarm: only pairs in sight are evaluated, kind b
 """
 
 from collections.abc import Mapping, Sequence
-from copy import copy
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -12,13 +12,11 @@ import numpy as np
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.by_jets import TermsByJets
 from phalanx.theory.rows.composed_function import ComposedFunction
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
-from phalanx.theory.safety.function import Static
 from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.kinds import with_symbols
 from phalanx.theory.safety.pairs import SwarmPairs
@@ -32,19 +30,18 @@ class SwarmTerms:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        self.pairs = pairs
-        self.members = SwarmMembers(pairs.members, len(pairs.parameters))
-        self.jets = LogSumExpJets(rho, alphas, xi)
-        self.by_jets = TermsByJets(pairs, self.members, self.jets)
+        self.pairs, shared = pairs, pairs.functions.get
+        self.members = shared("members", lambda: SwarmMembers(pairs.members, len(pairs.parameters)))
+        self.jets = shared("jets", lambda: LogSumExpJets(rho, alphas, xi))
+        self.by_jets = shared(
+            ("terms", pairs.adversaries),
+            lambda: TermsByJets(pairs.kinds, self.members, self.jets),
+        )
+        self.numbers: Array = np.concatenate(
+            [np.zeros(pairs.states), pairs.parameters, self.members.corners]
+        )
+        """Arguments of its functions: the state, obstacles' parameters, and corners of each U."""
         self.everyone = tuple(range(len(pairs.members)))
-        self.dynamics = [m.dynamics for m in pairs.members]
-        self.in_sight = ObstaclesInSight(pairs.obstacles)
-
-    def with_pairs(self, pairs: SwarmPairs) -> "SwarmTerms":
-        """The same functions for pairs by SwarmPairs.with_obstacles."""
-        other = copy(self)
-        other.pairs, other.by_jets = pairs, self.by_jets.with_pairs(pairs)
-        return other
 
     def of(self, i: int, radius: float | None, margin: float = 0.0) -> "ComposedTerms":
         """Agent i's terms.
@@ -56,6 +53,24 @@ class SwarmTerms:
         """
         return ComposedTerms(self, i, radius, margin)
 
+    def obstacles_within(self, i: int, radius: float | None) -> CompiledFunction | None:
+        """(x_i, parameters of all obstacles) -> 1 for each within the radius [m], else 0.
+
+        None if all of them count.
+        """
+        if radius is None or not self.pairs.obstacles:
+            return None
+        key = "obstacles within", self.members.kind_of[i], radius
+        return self.pairs.functions.get(key, partial(self._compile_within, i, radius))
+
+    def _compile_within(self, i: int, radius: float) -> CompiledFunction:
+        dynamics = self.pairs.members[i].dynamics
+        x = ca.SX.sym("x", len(dynamics.states))
+        p = dynamics.position(x)
+        obstacles, parameters = zip(*map(with_symbols, self.pairs.obstacles), strict=True)
+        near = [obstacle.distance(p) <= radius for obstacle in obstacles]
+        return CompiledFunction([x, ca.vertcat(*parameters)], [ca.vertcat(*near)])
+
 
 class ComposedTerms:
     """One agent's terms of h_tot at any state."""
@@ -63,7 +78,7 @@ class ComposedTerms:
     def __init__(self, swarm: SwarmTerms, i: int, radius: float | None, margin: float) -> None:
         self._swarm, self.margin = swarm, margin
         self._own_state = swarm.members.states[i]
-        self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
+        self._near = swarm.obstacles_within(i, radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
         self._function: ComposedFunction
         self._members: tuple[int, ...] = ()
@@ -104,7 +119,8 @@ class ComposedTerms:
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
             chosen = pairs.choose(pairs.among(in_sight, around))
-            self._key, self._function = key, ComposedFunction(self._swarm.by_jets, in_sight, chosen)
+            self._key, terms = key, self._swarm
+            self._function = ComposedFunction(terms.by_jets, terms.numbers, in_sight, chosen)
         return self._function
 
 
@@ -138,29 +154,3 @@ class LazyTerms:
             self.least, self.most = numbers.least, numbers.most
             self.polytopes = numbers.polytopes
         return self.__dict__[name]
-
-
-class ObstaclesInSight:
-    """Functions for the obstacles within a radius, one for each dynamics and radius."""
-
-    def __init__(self, obstacles: Sequence[Static]) -> None:
-        self._obstacles = obstacles
-        self._compiled: list[tuple[Dynamics, float, CompiledFunction]] = []
-
-    def of(self, dynamics: Dynamics, radius: float | None) -> CompiledFunction | None:
-        """(x_i, parameters of all obstacles) -> 1 for each within the radius [m], else 0.
-
-        None if all of them count.
-        """
-        if radius is None or not self._obstacles:
-            return None
-        for compiled_for, its_radius, function in self._compiled:
-            if its_radius == radius and compiled_for is dynamics:
-                return function
-        x = ca.SX.sym("x", len(dynamics.states))
-        p = dynamics.position(x)
-        obstacles, parameters = zip(*map(with_symbols, self._obstacles), strict=True)
-        near = [obstacle.distance(p) <= radius for obstacle in obstacles]
-        function = CompiledFunction([x, ca.vertcat(*parameters)], [ca.vertcat(*near)])
-        self._compiled.append((dynamics, radius, function))
-        return function

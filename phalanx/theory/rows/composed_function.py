@@ -27,9 +27,18 @@ class ComposedNumbers(Struct, frozen=True):
 class ComposedFunction:
     """Terms of fixed pairs and members, whose numbers it reads by tables of indices."""
 
-    def __init__(self, by_jets: TermsByJets, in_sight: Sequence[int], pairs: ChosenPairs) -> None:
-        """in_sight: members. pairs: among them, and with obstacles and limits."""
-        members, self._degree = by_jets.members, by_jets.pairs.degree
+    def __init__(
+        self, by_jets: TermsByJets, numbers: Array, in_sight: Sequence[int], pairs: ChosenPairs
+    ) -> None:
+        """Choose the function.
+
+        Args:
+            by_jets: the functions.
+            numbers: any state, the obstacles' parameters and the corners of each U.
+            in_sight: members.
+            pairs: among them, and with obstacles and limits.
+        """
+        members, self._degree = by_jets.members, by_jets.jets.degree
         kinds = list(members.by_kind(in_sight).items())
         sizes = [(members.kinds[k].inputs, group) for k, group in kinds]
         self._c, end = by_jets.layout(sizes, self._degree + 1)
@@ -41,9 +50,9 @@ class ComposedFunction:
         """(member, index of its least result) where U is constant; the most comes next."""
         function, tables = by_jets.function(kinds, pairs)
         arguments = [table.ravel().astype(np.float64) for table in tables]
-        self._bound = BoundFunction(function, [by_jets.numbers.copy(), *arguments])
+        self._bound = BoundFunction(function, [numbers.copy(), *arguments])
         self._x, self._results = (
-            self._bound.inputs[0][: by_jets.pairs.states],
+            self._bound.inputs[0][: members.states[-1].stop],
             self._bound.outputs[0],
         )
 

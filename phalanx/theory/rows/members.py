@@ -63,17 +63,17 @@ class SwarmMembers:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        kind_of: dict[int, MemberKind] = {}
+        kind_by_id: dict[int, MemberKind] = {}
         for m in members:
-            if id(m.dynamics) not in kind_of:
-                kind_of[id(m.dynamics)] = MemberKind(m.dynamics)
+            if id(m.dynamics) not in kind_by_id:
+                kind_by_id[id(m.dynamics)] = MemberKind(m.dynamics)
         by_text: dict[str, int] = {}
-        number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in kind_of.items()}
-        self._kind: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
+        number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in kind_by_id.items()}
+        self.kind_of: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
         """Index of each member's kind in `kinds`."""
-        first = {number[key]: kind for key, kind in reversed(kind_of.items())}
+        first = {number[key]: kind for key, kind in reversed(kind_by_id.items())}
         self.kinds = [first[k] for k in range(len(by_text))]
-        polytopes = [kind_of[id(m.dynamics)].polytope for m in members]
+        polytopes = [kind_by_id[id(m.dynamics)].polytope for m in members]
         self.constant_polytopes = {
             l: polytope for l, polytope in enumerate(polytopes) if polytope is not None
         }
@@ -81,11 +81,13 @@ class SwarmMembers:
         self.states = stacked_slices([len(m.dynamics.states) for m in members])
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         begin = self.states[-1].stop + after
-        where = stacked_slices([len(kind.corners) for kind in kind_of.values()])
-        indices = {key: begin + np.r_[part] for key, part in zip(kind_of, where, strict=True)}
-        self.corners: Array = np.concatenate([kind.corners for kind in kind_of.values()])
+        where = stacked_slices([len(kind.corners) for kind in kind_by_id.values()])
+        indices = {key: begin + np.r_[part] for key, part in zip(kind_by_id, where, strict=True)}
+        self.corners: Array = np.concatenate([kind.corners for kind in kind_by_id.values()])
         """Corners of each dynamics' U, one after the other."""
         self._corners = [indices[id(m.dynamics)] for m in members]
+        self.length = begin + len(self.corners)
+        """Count of the numbers: the states, others, and the corners."""
 
     def arguments(self, kind: int, members: Sequence[int]) -> Index:
         """Indices of the corners of U for members of a kind; or of their states, if U varies."""
@@ -103,7 +105,8 @@ class SwarmMembers:
         if constant is not None:
             values = dot(c[:, None], constant.corners)
             return np.column_stack([values.min(axis=1), values.max(axis=1)])
-        rows = self.kinds[self._kind[l]].extremes(x.ravel(), np.arange(x.size).reshape(-1, states))
+        kind, indices = self.kinds[self.kind_of[l]], np.arange(x.size).reshape(-1, states)
+        rows = kind.extremes(x.ravel(), indices)
         ends = []
         for row, force in zip(rows, c, strict=True):
             A, b = np.split(row, [len(row) * inputs // (inputs + 1)])
@@ -114,7 +117,7 @@ class SwarmMembers:
         """The members in sight of each kind, those with a constant U first."""
         groups: dict[int, list[int]] = {}
         for l in sorted(in_sight, key=lambda l: l not in self.constant_polytopes):
-            groups.setdefault(int(self._kind[l]), []).append(l)
+            groups.setdefault(int(self.kind_of[l]), []).append(l)
         return groups
 
 

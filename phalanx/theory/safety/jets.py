@@ -41,9 +41,9 @@ class LogSumExpJets:
 
     def __init__(self, rho: float, alphas: Sequence[ClassK], xi: float) -> None:
         """alphas: α_1 ... α_q. xi: ξ of Eq. (xi), unused if q = 1."""
-        self._rho, self._degree = rho, len(alphas)
+        self._rho, self.degree = rho, len(alphas)
         self._chain = _chain_of_sum(rho, alphas, xi)
-        s = ca.SX.sym("s", self._degree)
+        s = ca.SX.sym("s", self.degree)
         # Only the unforced part, the last one, contains s_q.
         of_sum = _psi_of_sum(ca.vertcat(s, 0), alphas, xi)[:-1]
         self._psi = MappedFunction([s], of_sum)
@@ -56,7 +56,7 @@ class LogSumExpJets:
 
         The next call overwrites the weights.
         """
-        bound, count, q = self._bound(rounded_up(len(h))), len(h), self._degree
+        bound, count, q = self._bound(rounded_up(len(h))), len(h), self.degree
         rows, (chain, weights) = bound.inputs[0].reshape(-1, q + 1), bound.outputs
         rows[:count] = h
         rows[count:] = 0.0
@@ -73,8 +73,8 @@ class LogSumExpJets:
             h: h, L_f h, ..., L_f^{q-1} h of each, shape (s, r, q).
         """
         weights, s = [w], [h_tot]
-        derivatives = [h[..., k] for k in range(self._degree)]
-        for k in range(self._degree - 1):
+        derivatives = [h[..., k] for k in range(self.degree)]
+        for k in range(self.degree - 1):
             # Summed from left to right, so that pairs of weight 0 change no digit.
             s.append(np.add.accumulate(_leibniz(k, weights, derivatives[1:]), axis=1)[:, -1])
             off = [derivatives[j] - s[j][:, None] for j in range(1, k + 2)]
@@ -88,7 +88,7 @@ class LogSumExpJets:
         Unused columns have to contain FAR, with derivatives zero. The graph of operations on
         vectors does not grow with the number of pairs.
         """
-        q, rho = self._degree, self._rho
+        q, rho = self.degree, self._rho
         columns = ca.MX.sym("h", q + 1, pairs)
         h = [columns[k, :] for k in range(q + 1)]
         sigma = ca.mmax(h[0])

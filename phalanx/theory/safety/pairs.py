@@ -4,13 +4,13 @@ A pair is a row (a, b): a normal member a, and another member b or N + k for obs
 """
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.theory.arrays import Array, Index
+from phalanx.theory.expressions.cache import FunctionCache
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction, Static
@@ -34,20 +34,28 @@ class SwarmPairs:
         obstacles: Sequence[Static],
         function: SafeSetFunction,
         gains: int,
+        functions: FunctionCache | None = None,
     ) -> None:
-        """gains: number of α_k, one for each degree up to q.
+        """Find the kinds of all pairs.
+
+        Args:
+            gains: number of α_k, one for each degree up to q.
+            functions: of swarms that differ in starts, sides and the numbers of spheres alone.
 
         Raises:
             RelativeDegreeError: q differs, or the members' inputs appear at different degrees.
         """
+        self.functions = functions or FunctionCache()
+        self.adversaries = tuple(m.adversary for m in members)
+        """Whether each member is one: with the same ones, the kinds are the same."""
         self.degree = gains
         """q."""
         self.members, self.obstacles, self._function = members, obstacles, function
         self._normal = np.array([not m.adversary for m in members])
-        classes, of_member = member_classes(members)
-        self._class = np.concatenate([of_member, len(classes) + np.arange(len(obstacles))])
-        self.kinds, self._kind = kind_table(classes, of_member, obstacles, function, gains)
-        require_degree(members, of_member, self.kinds, self._kind, gains)
+        key = "kinds of pairs", self.adversaries
+        of_member, self.kinds, self._kind = self.functions.get(key, self._find_kinds)
+        count = self._kind.shape[1]  # of classes and obstacles
+        self._class = np.concatenate([of_member, np.arange(count - len(obstacles), count)])
         numbers = [parameters_of(obstacle) for obstacle in obstacles]
         states = [len(m.dynamics.states) for m in members]
         self.states = sum(states)
@@ -59,12 +67,13 @@ class SwarmPairs:
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
         """First index of each member's input in the stack of all."""
 
-    def with_obstacles(self, obstacles: Sequence[Static]) -> "SwarmPairs":
-        """The same pairs with obstacles of which at most the numbers of spheres differ."""
-        other = copy(self)
-        other.obstacles = obstacles
-        other.parameters = np.concatenate([np.zeros(0), *map(parameters_of, obstacles)])
-        return other
+    def _find_kinds(self) -> tuple[Index, list[PairKind], Index]:
+        """Each member's class; the kinds; and the table of kinds by class."""
+        members, gains = self.members, self.degree
+        classes, of_member = member_classes(members)
+        kinds, table = kind_table(classes, of_member, self.obstacles, self._function, gains)
+        require_degree(members, of_member, kinds, table, gains)
+        return of_member, kinds, table
 
     def among(self, in_sight: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot among these members and obstacles, shape (r, 2).

@@ -91,7 +91,7 @@ class Assumptions:
         # Before its first input an agent has none in force; a report of its age is false.
         self._in_force = [-np.inf for _ in swarm.names]
         """Time at which each agent's input took effect [s]."""
-        self._actuators = swarm.shared(Actuators, lambda: Actuators(swarm))
+        self._actuators = swarm.functions.get(Actuators, lambda: Actuators(swarm))
         self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
         """Zeros that actuators hold from t = 0 on, until they are checked."""
         self._sampled: dict[int, tuple[float, Array]] = {}

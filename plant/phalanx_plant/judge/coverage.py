@@ -24,7 +24,7 @@ class Coverage:
     def __init__(self, swarm: Swarm) -> None:
         """Compile the certificate of each kind of pair."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
-        self._certificates = swarm.once(SwarmCertificates)
+        self._certificates = SwarmCertificates(swarm)
         function = proven_reach(swarm.safety.safe_set_function)
         self._boxes = ReachableBoxes(swarm, function) if function else None
         self._agents = {i: self._certificates.of(i) for i in swarm.normal}

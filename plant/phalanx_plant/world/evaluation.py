@@ -45,10 +45,10 @@ class Evaluation:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
         self.pairs = RelevantPairs(swarm, self._psi.functions)
-        self._resolution = swarm.shared(Resolution, lambda: Resolution(swarm))
+        self._resolution = swarm.functions.get(Resolution, lambda: Resolution(swarm))
         self._roundings = Roundings(swarm.time.integration_step)
         rho, pairs = swarm.safety.rho, len(swarm.safe_set.pairs)
-        self._sum = swarm.shared((LogSumExp, pairs), lambda: LogSumExp(rho, pairs))
+        self._sum = swarm.functions.get((LogSumExp, pairs), lambda: LogSumExp(rho, pairs))
 
     def of(self, histories: Sequence[History]) -> Iterator[EvaluatedSteps]:
         """Evaluate the steps of consecutive histories, in their order."""

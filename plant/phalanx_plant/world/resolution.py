@@ -16,10 +16,10 @@ import numpy as np
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array, Index
+from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
-from phalanx.theory.expressions.kept import kept
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
@@ -40,7 +40,7 @@ class Resolution:
         self._groups = [
             (
                 # Another run of this process may have had such dynamics.
-                kept(("defect", *motion_texts([dynamics])), partial(_defect, dynamics)),
+                cached(("defect", *motion_texts([dynamics])), partial(_defect, dynamics)),
                 np.array([np.r_[swarm.safe_set.parts[l]] for l in group]),
                 np.array([np.r_[inputs[l]] for l in group]),
             )

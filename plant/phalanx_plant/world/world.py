@@ -69,7 +69,7 @@ class Integration:
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self.t, self.x = 0.0, swarm.start()
-        self.motion = swarm.shared(Motion, lambda: Motion(swarm.members, _MOST_STEPS))
+        self.motion = swarm.functions.get(Motion, lambda: Motion(swarm.members, _MOST_STEPS))
         self.p = self.motion.positions(self.x)
         """Output positions [m], shape (N, d)."""
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])

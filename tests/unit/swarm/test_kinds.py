@@ -130,5 +130,5 @@ def test_agents_of_one_group_share_what_is_compiled():
         for part in (RowPart.WHOLE, RowPart.HALF):
             rows.pair_terms(i)(x, sharing=rows.swarm.normal if part is RowPart.HALF else ())
     # Normal on either side, whole and half; adversary; sphere.
-    assert sum(key[0] == "row" for key in rows.swarm.compiled) == 6
+    assert sum(key[0] == "row" for key in rows.swarm.functions.results) == 6
     assert len(rows.swarm.pairs.every) == len(rows.swarm.safe_set.pairs)

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.rows.composed import ObstaclesInSight
+from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.decision import decide_pairs
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.safety.chain import build_chain
+from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import FAR, Member
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
@@ -41,7 +42,7 @@ def own_terms(i: int, radius: float | None = None) -> OwnPairTerms:
         for other in {0, 1, 2, 3} - {i}
         for part in (RowPart if other < 2 else [RowPart.WHOLE])
     }
-    near = ObstaclesInSight([SPHERE]).of(MEMBERS[i].dynamics, radius)
+    near = SwarmTerms(pairs, 1.0, [Linear(1.5)], 0.0).obstacles_within(i, radius)
     return OwnPairTerms(pairs, i, lambda other, part: functions[other, part], near)
 
 

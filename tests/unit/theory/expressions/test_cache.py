@@ -7,39 +7,40 @@ import pytest
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.expressions.kept import _MOST, kept
+from phalanx.theory.expressions.cache import FunctionCache, cached
 from phalanx.theory.expressions.native import missing
 
 
 def test_an_equal_key_has_the_same_result_and_another_its_own():
-    first = kept(("a", 1), object)
-    assert kept(("a", 1), object) is first
-    assert kept(("a", 2), object) is not first
+    first = cached(("a", 1), object)
+    assert cached(("a", 1), object) is first
+    assert cached(("a", 2), object) is not first
 
 
 def test_the_oldest_goes_first():
-    first, second = kept(("old", 1), object), kept(("old", 2), object)
-    for number in range(_MOST - 1):
-        kept(("new", number), object)
-    assert kept(("old", 2), object) is second
-    assert kept(("old", 1), object) is not first
+    functions = FunctionCache(2)
+    first, second = functions.get("first", object), functions.get("second", object)
+    assert functions.get("first", object) is first
+    functions.get("third", object)
+    assert functions.get("first", object) is first
+    assert functions.get("second", object) is not second
 
 
 def test_each_thread_has_its_own():
     others = []
-    other = threading.Thread(target=lambda: others.append(kept("shared", object)))
-    first = kept("shared", object)
+    other = threading.Thread(target=lambda: others.append(cached("shared", object)))
+    first = cached("shared", object)
     other.start()
     other.join()
     assert others[0] is not first
 
 
 def test_to_collect_what_is_not_machine_code_yet_all_is_made_again():
-    first = kept("collected", object)
+    first = cached("collected", object)
     with missing():
-        inside = kept("collected", object)
+        inside = cached("collected", object)
     with missing():
-        assert kept("collected", object) is not inside
+        assert cached("collected", object) is not inside
     assert inside is not first
 
 
