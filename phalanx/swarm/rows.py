@@ -136,7 +136,8 @@ class SafetyRows:
         symbols = () if margin is None else margin.symbols
         swarm, (a, b) = self.swarm, self.swarm.pairs.ordered(i, other)
         groups = [swarm.group_numbers[l] for l in (i, other) if l < len(swarm.members)]
-        # Rows with equal expressions have these in common.
+        # Rows with equal expressions have these in common. To build the row and compare it would
+        # take as long as to compile it: its margin is an interval extension.
         text, plain = swarm.pairs.kind_of(a, b).text, margin is None
         key = "row", text, a == i, *groups, part, plain, str(symbols)
 

@@ -66,7 +66,7 @@ class Swarm:
 
     @property
     def functions(self) -> FunctionCache:
-        """Those that depend on a key and compiled_fields alone; the swarm's views share them."""
+        """Compiled for a key and the compiled_fields alone; the swarm's views share them."""
         return self.pairs.functions
 
     def seen_by(self, i: int) -> "Swarm":
@@ -319,7 +319,8 @@ class Swarm:
 def compiled_fields(scenario: Scenario) -> str:
     """Return as JSON all fields on which the compiled functions of a run depend.
 
-    Not those of starts, laws, messages, faults and seeds, nor the numbers of spheres.
+    Not those of starts, laws, messages, faults and seeds, nor the numbers of spheres, which are
+    arguments of the functions: seeds of a study draw these alone.
     """
     spheres = [k for k, each in enumerate(scenario.obstacles) if isinstance(each, Sphere)]
     agent_fields: dict[str, Any] = {

@@ -56,6 +56,7 @@ class Native:
     def __init__(self, library: Path, function: ca.Function) -> None:
         """Load a library. Raises OSError, and ValueError if its results differ."""
         self._library, self._interpreted = library, function
+        # It keeps the GIL: a call lasts microseconds, and to give the GIL away takes longer.
         rows = ctypes.PyDLL(str(library)).rows
         rows.restype = None
         self.rows: Kernel = rows

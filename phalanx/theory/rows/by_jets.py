@@ -1,7 +1,17 @@
 """Terms of h_tot from the derivatives of each pair's h along the drift: h, L_f h, ..., L_f^q h.
 
 The indices of the pairs' and members' numbers are arguments. So the function grows with the number
-of kinds only, and serves all agents that see as many of each kind.
+of kinds only, and serves all agents that see as many of each kind: with constant indices each set
+of agents in sight would be a function of its own, compiled in the middle of a run. Each step
+gathers its arguments from the results of those before it::
+
+    numbers    states | obstacles' parameters | corners of each U
+    once       numbers | parts of one member alone, such as cos θ_0, sin θ_0 | ...
+    jets       h, L_f h, ..., forces of pair 0 | those of pair 1 | ... | FAR | 0
+    results    ψ_0 ... ψ_{q-1}, unforced | c of all members | extremes of c u
+
+A step has room for more rows than it needs, so that few sizes are compiled. Unused rows repeat the
+first one, and what would be composed of them reads FAR and 0 instead.
 """
 
 from collections.abc import Sequence

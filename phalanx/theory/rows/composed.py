@@ -115,6 +115,7 @@ class ComposedTerms:
         """The function of the pairs in sight at x."""
         pairs = self._swarm.pairs
         near = self._near(x[self._own_state], pairs.parameters)[0] if self._near else None
+        # The same are in sight for many samples, and to choose takes longer than to evaluate.
         key = in_sight, b"" if near is None else near.tobytes()
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()

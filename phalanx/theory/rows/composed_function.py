@@ -49,6 +49,7 @@ class ComposedFunction:
         self._least = [(l, group.start) for l, group in self._ends.items() if l in self._constant]
         """(member, index of its least result) where U is constant; the most comes next."""
         function, tables = by_jets.function(kinds, pairs)
+        # CasADi gathers by indices in float64, which it rounds.
         arguments = [table.ravel().astype(np.float64) for table in tables]
         self._bound = BoundFunction(function, [numbers.copy(), *arguments])
         self._x, self._results = (

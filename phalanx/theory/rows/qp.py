@@ -1,4 +1,8 @@
-"""The quadratic program of one agent: min ‖u - u_nom‖² in U_i and the safety rows.
+"""The quadratic program of one agent: min ‖u - u_nom‖² in U_i and the safety rows::
+
+    minimise    Σ_k w_k (u_k - u_nom_k)²     over u in R^m; w: the dynamics' metric
+    subject to  A u    <= b                  U_i, the input polytope
+                a_r u  <= bound_r            one row for h_tot, or one for each pair r
 
 In a box with one row only one number is unknown: the row's multiplier λ >= 0. The nearest input is
 u_k(λ) = u_nom_k - λ a_k / (2 w_k), clipped to its bounds. aᵀu(λ) is piecewise linear and falls from

@@ -1,7 +1,11 @@
 """Safety filters: from an agent's nominal input to a safe one.
 
 A filter is a row or rows, a QP and a backup. The information model chooses the received inputs of
-other agents that its rows contain.
+other agents that its rows contain::
+
+    u_nom ─┐
+    rows ──┼─> QP: nearest u in U_i with a_r u <= bound_r ──> u
+    U_i ───┘         └─ none ─> backup: argmin over U_i of max_r (a_r u - bound_r)
 """
 
 from collections.abc import Mapping

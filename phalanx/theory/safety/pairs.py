@@ -1,6 +1,13 @@
 """The pairs of a swarm as rows of numbers, evaluated kind by kind for those that count.
 
-A pair is a row (a, b): a normal member a, and another member b or N + k for obstacle k.
+A pair is a row (a, b): a normal member a, and another member b or N + k for obstacle k. A function
+of a kind takes few of the swarm's numbers, by their indices. For two unicycles and a sphere::
+
+    numbers   x_0: x y θ | x_1: x y θ | sphere: center, clearance
+    indices       0 1 2  |     3 4 5  |         6 7 8
+    begin         0      |     3      |         6
+    pair (0, 1)   0 1 2        3 4 5
+    pair (0, 2)   0 1 2                         6 7 8
 """
 
 from collections.abc import Callable, Sequence
