@@ -36,7 +36,7 @@ class Find(NamedTuple):
     """A run of a search."""
 
     number: int
-    """Its place in the search, from 1 on."""
+    """Its number in the search, from 1 on."""
     row: Row
     robustness: float
     fresh: tuple[Row, ...] = ()
@@ -93,7 +93,7 @@ class Archive:
         return True
 
     def confirm(self, find: Find, fresh: Iterable[Row]) -> None:
-        """Keep what a run did on fresh seeds, if it is still the best of its behaviour."""
+        """Keep the rows of a run on fresh seeds, if it is still the best of its behaviour."""
         cell = behaviour(find, self._duration)
         if cell is not None and self.cells[cell].number == find.number:
             self.cells[cell] = find._replace(fresh=tuple(fresh))

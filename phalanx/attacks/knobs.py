@@ -28,7 +28,7 @@ class Point(NamedTuple):
     numbers: tuple[float, ...]
     """In [0, 1]."""
     choices: tuple[int, ...]
-    """Places among the choices."""
+    """Index of the possibility chosen, of each choice."""
 
 
 @dataclass(frozen=True)

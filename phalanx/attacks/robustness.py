@@ -25,7 +25,7 @@ from phalanx.swarm.runnable import shared_rows
 from phalanx.swarm.swarm import Swarm
 
 _LONGEST = MULTIPLES[0] - 1.0
-"""What is left at least of a certificate of a pair that is far apart, in τ."""
+"""Least time that remains of the certificate of a distant pair, in τ."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from phalanx.swarm.swarm import Swarm
 _INADMISSIBLE = 100.0
 """Cost of a start that is not admissible, to which its shortfall is added."""
 START = "start"
-"""In the place of a pair: a run that did not begin."""
+"""Label, instead of a pair's, of a run that did not begin."""
 
 
 def robustness_of(row: Row) -> dict[str, float]:

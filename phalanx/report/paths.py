@@ -138,8 +138,8 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
 
 
 def _add_circle(axes: Axes, center: Array, radius: float, dashes: object, colour: str) -> None:
-    place = center[0], center[1]
-    axes.add_patch(Circle(place, radius, fill=False, ls=dashes, lw=0.9, edgecolor=colour))
+    xy = center[0], center[1]
+    axes.add_patch(Circle(xy, radius, fill=False, ls=dashes, lw=0.9, edgecolor=colour))
 
 
 def _draw_wall(axes: Axes, wall: Wall, plane: tuple[int, int]) -> None:

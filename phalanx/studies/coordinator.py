@@ -136,9 +136,9 @@ class _PointState:
         self._next_look = 1
         self._narrow = False
 
-    def add(self, place: int, outcome: str) -> None:
-        """Take the outcome of the run with the seed at this place."""
-        self._outcomes[place] = outcome
+    def add(self, rank: int, outcome: str) -> None:
+        """Take the outcome of the run with the seed of this rank."""
+        self._outcomes[rank] = outcome
         while self._prefix < len(self._outcomes) and self._outcomes[self._prefix] is not None:
             self._prefix += 1
 

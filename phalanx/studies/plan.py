@@ -40,7 +40,7 @@ class Case(NamedTuple):
     """One run of a study."""
 
     row: int
-    """Its place in the plan."""
+    """Its index in the plan."""
     point: Point
     seed: int
 

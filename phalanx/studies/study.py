@@ -187,7 +187,7 @@ class Study:
         for _, rows in frame.group_by("point", maintain_order=True):
             # Up to the first gap, which an unfinished study has: long runs end late.
             ranks = (rows["index"] % seeds).to_list()
-            whole = rows.head(sum(place == n for n, place in enumerate(ranks)))
+            whole = rows.head(sum(rank == n for n, rank in enumerate(ranks)))
             began = (whole["outcome"] != REFUSED).arg_true().to_list()
             violated = (whole["outcome"][began] == Outcome.VIOLATED).to_list()
             enough = runs_until_width(violated, self.plan.until_width)

@@ -97,7 +97,7 @@ BROADCAST = np.dtype(
     [("sender", "i4"), ("receiver", "i4"), ("sent", "f8"), ("arrival", "f8"), ("fate", "i1"),
      ("false", "?")]
 )  # fmt: skip
-"""The fields of a Broadcast; its fate is a place in FATES."""
+"""The fields of a Broadcast; its fate is an index in FATES."""
 
 
 def broadcast_array(found: Iterable[Broadcast]) -> np.recarray:

@@ -175,7 +175,7 @@ class Lanes(NamedTuple):
     lost: Array
     """Share of the broadcasts to it that were lost."""
     state: Index
-    """Its gravest state, as a place in LANE_STATES."""
+    """Its gravest state, as an index in LANE_STATES."""
     false: Array
     """1 where it sent a false broadcast, else 0."""
 
@@ -221,7 +221,7 @@ def zoom_window(steps: Sequence[AgentSeries], worst: float, end: float) -> tuple
 
 
 def _states(steps: AgentSeries, tau: float, edges: Array, now: float) -> Index:
-    """Find the gravest state in each interval, as a place in LANE_STATES."""
+    """Find the gravest state in each interval, as an index in LANE_STATES."""
     states = np.zeros(len(edges) - 1, dtype=np.intp)
     until = np.append(steps.sampled[1:], now)
     for k in np.flatnonzero((steps.empty > 0.0) | (until - steps.sampled > 1.5 * tau)):
