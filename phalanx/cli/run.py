@@ -162,11 +162,6 @@ def run(
         except (phalanx.EngineError, RecordingError) as error:
             echo_error(f"broken: {error}")
             return 3
-        except ConnectionError as error:
-            # A signal to the process group also ends the fork server, often before this process.
-            interrupt.raise_pending()
-            echo_error(f"broken: the process that starts the programs is gone: {error.strerror}")
-            return 3
         except OSError as error:
             raise typer.BadParameter(
                 f"--out: cannot create a folder in {out}: {error.strerror}"

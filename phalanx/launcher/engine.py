@@ -22,7 +22,7 @@ Progress = Callable[["Status"], None]
 """Called a few times a second while a run goes on, perhaps in another thread."""
 
 Announce = Callable[[Path], object]
-"""Called once with a run's folder, when the run can be met there."""
+"""Called once with a run's folder, once viewers can connect."""
 
 FASTEST = 1e3
 """Seconds of virtual time per second, at most, in real time."""
@@ -121,7 +121,9 @@ class RunOptions:
             )
         together = self.agents_per_process > 1
         if self.agents_per_process < 1 or (together and not hub):
-            raise ValueError("agents_per_process: expected at least 1, and 1 for other engines")
+            raise ValueError(
+                "agents_per_process: expected 1 or more; on an engine without a hub, 1"
+            )
         if together and (self.commands.secret or self.commands.schedule):
             raise ValueError("agents_per_process: expected 1 with commands: they may kill an agent")
 

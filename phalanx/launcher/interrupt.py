@@ -73,19 +73,16 @@ def deferred() -> Iterator[None]:
         _deferred = before
 
 
-class NotDeferred(contextlib.ContextDecorator):
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
     """Within deferred: let a Ctrl-C raise during the block, and one that came before at once."""
-
-    def __enter__(self) -> None:
-        global _deferred
-        self._before, _deferred = _deferred, False
-        if _pending:
-            _deferred = self._before
-            raise KeyboardInterrupt
-
-    def __exit__(self, *_: object) -> None:
-        global _deferred
-        _deferred = self._before
+    global _deferred
+    before, _deferred = _deferred, False
+    try:
+        raise_pending()
+        yield
+    finally:
+        _deferred = before
 
 
 def _on_interrupt(number: int, _: object) -> None:

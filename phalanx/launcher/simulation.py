@@ -94,7 +94,7 @@ class Simulation:
     def run(self) -> Summary:
         """Run from t = 0 to the end of the scenario, or until an error of ENDINGS."""
         with self._opened:
-            compiled = interrupt.NotDeferred()(lambda: compile_rows(self._rows))
+            compiled = interrupt.interruptible()(lambda: compile_rows(self._rows))
             summary = self.plant.run(prepare=compiled)
             if self._folder:
                 interrupt.clear()  # also one that came after the last sample
@@ -195,7 +195,7 @@ class DirectAgents:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
         step = self.steps[i]
         try:
-            with interrupt.NotDeferred():  # a law may never return
+            with interrupt.interruptible():  # a law may never return
                 answer = step(step.accept_sample(sample))
         except (StepFailedError, Malformed) as error:
             raise SwarmBrokenError(str(error)) from error

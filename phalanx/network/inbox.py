@@ -232,7 +232,7 @@ class Incoming:
 
     def __init__(self) -> None:
         self.link: Link | None = None
-        """From the sender, once a broadcast of its was decided."""
+        """Of the sender, made when its first broadcast is decided."""
         self.since: int | None = None
         """The first broadcast that counts; None while the sender is out of sight."""
         self.decided = -1

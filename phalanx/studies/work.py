@@ -131,7 +131,7 @@ class Executing:
                 self._report()
                 if not pending:
                     return
-                with interrupt.NotDeferred():
+                with interrupt.interruptible():
                     finished, _ = wait(pending, return_when=FIRST_COMPLETED)
                 for future in [future for future in pending if future in finished]:
                     self._take(future, pending.pop(future))

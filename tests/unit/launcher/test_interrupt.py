@@ -61,9 +61,9 @@ def test_who_was_started_in_the_background_goes_on() -> None:
 
 def test_let_in_it_breaks_in_and_so_does_one_that_came_before() -> None:
     with interrupt.deferred():
-        with pytest.raises(KeyboardInterrupt), interrupt.NotDeferred():
+        with pytest.raises(KeyboardInterrupt), interrupt.interruptible():
             press()
-        with pytest.raises(KeyboardInterrupt), interrupt.NotDeferred():
+        with pytest.raises(KeyboardInterrupt), interrupt.interruptible():
             pass
         press()
 
