@@ -22,8 +22,7 @@ from phalanx.network.rule import (
     delay,
 )
 from phalanx.theory.arrays import Array
-from phalanx.theory.baselines.barrier import BarrierQP, LyapunovBarrierQP
-from phalanx.theory.baselines.plain import Escape, Nominal
+from phalanx.theory.baselines.controllers import BarrierQP, Escape, LyapunovBarrierQP, Nominal
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value

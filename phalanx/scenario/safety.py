@@ -1,5 +1,6 @@
 """The [safety] table: the safe set and the controller's options."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, field_validator, model_validator
@@ -143,6 +144,14 @@ class Safety(Strict):
     def information_model(self) -> type[Information]:
         """Assumptions of rows on the other normal agents' inputs."""
         return Together if self.centralised else self._named
+
+    def build_information(self, unchanged: Mapping[int, float]) -> Information:
+        """Build the information model; unchanged: Γ_l - δ_l^max of each normal agent [s]."""
+        return self.information_model(unchanged, self.silence)
+
+    def sensing(self, sensor: float | None) -> float | None:
+        """Return how far a normal agent with this sensor sees [m]; None without a limit."""
+        return None if self.centralised else sensor or self.neighbourhood
 
     @property
     def _named(self) -> type[Information]:

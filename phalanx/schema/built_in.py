@@ -67,10 +67,10 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "script": "phalanx.theory.laws.attacks:Script",
     },
     Controller: {
-        "none": "phalanx.theory.baselines.plain:Nominal",
-        "cbf-qp": "phalanx.theory.baselines.barrier:BarrierQP",
-        "clf-cbf": "phalanx.theory.baselines.barrier:LyapunovBarrierQP",
-        "escape": "phalanx.theory.baselines.plain:Escape",
+        "none": "phalanx.theory.baselines.controllers:Nominal",
+        "cbf-qp": "phalanx.theory.baselines.controllers:BarrierQP",
+        "clf-cbf": "phalanx.theory.baselines.controllers:LyapunovBarrierQP",
+        "escape": "phalanx.theory.baselines.controllers:Escape",
     },
 }
 """Module and class by name, by kind."""

@@ -120,10 +120,8 @@ class Swarm:
 
     def sensing(self, i: int) -> float | None:
         """Return agent i's sensing radius [m]; None if it has no limit."""
-        safety, own = self.safety, self.groups[i].sensing
-        if self.members[i].adversary:
-            return own
-        return None if safety.centralised else own or safety.neighbourhood
+        sensor = self.groups[i].sensing
+        return sensor if self.members[i].adversary else self.safety.sensing(sensor)
 
     @cached_property
     def programs(self) -> Mapping[str, tuple[str, ...]]:
@@ -228,10 +226,9 @@ class Swarm:
 
     def information(self) -> Information:
         """Return the model of which received inputs a row may use."""
-        safety = self.safety
         clocks = {l: self.groups[l].clock for l in self.normal}
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
-        return safety.information_model(unchanged, safety.silence)
+        return self.safety.build_information(unchanged)
 
     @property
     def sharing(self) -> tuple[int, ...]:

@@ -119,7 +119,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2560,
     "swarm": 1360,
-    "theory": 8500,
+    "theory": 8480,
     "viewer": 5300,
     "wire": 700,
 }

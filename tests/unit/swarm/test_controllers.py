@@ -9,7 +9,7 @@ import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.page import key_figures
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.theory.baselines.plain import Escape
+from phalanx.theory.baselines.controllers import Escape
 from phalanx.theory.rows.origin import Origin
 from tests.layers import layered
 

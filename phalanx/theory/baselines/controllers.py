@@ -1,11 +1,11 @@
-"""`cbf-qp` and `clf-cbf`: a control barrier function for each pair, as in continuous time.
+"""Controllers to compare with: `none`, `escape`, `cbf-qp` and `clf-cbf`.
 
-Two normal agents keep one half of their pair's condition each, as in Wang, Ames and Egerstedt,
-*Safety Barrier Certificates for Collisions-Free Multirobot Systems* (2017). Adversaries count at
-their worst. What the paper adds for sampled data is left out: η, ξ, and every disturbance.
-`clf-cbf` has a control Lyapunov function for the goal too, in the nominal law's place, as in Ames,
-Xu, Grizzle and Tabuada, *Control Barrier Function Based Quadratic Programs for Safety Critical
-Systems* (2017).
+The last two have a control barrier function for each pair, as in continuous time. Two normal agents
+keep one half of their pair's condition each, as in Wang, Ames and Egerstedt, *Safety Barrier
+Certificates for Collisions-Free Multirobot Systems* (2017). Adversaries count at their worst. What
+the paper adds for sampled data is left out: η, ξ, and every disturbance. `clf-cbf` has a control
+Lyapunov function for the goal too, in the nominal law's place, as in Ames, Xu, Grizzle and Tabuada,
+*Control Barrier Function Based Quadratic Programs for Safety Critical Systems* (2017).
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.laws.tracking import output_chain
-from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.models.polytope import Polytope, minimiser
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
@@ -28,6 +28,33 @@ _RATE = 2.0
 """λ [1/s]: an error falls to a tenth in 1.2 s, if inputs and pairs allow it."""
 _SLACK_WEIGHT = 1000.0
 """p: large beside the weights of inputs, so that V falls as it should unless a pair forbids it."""
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The nominal input, clipped to what the actuators take."""
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Prepare nothing."""
+
+    def input(self, view: ControllerView) -> Array:
+        """Return u_nom; the run projects it onto U_i."""
+        return view.u_nom
+
+
+@dataclass(frozen=True)
+class Escape:
+    """Flight from whatever is nearest, by the pair with the largest h."""
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Prepare nothing."""
+
+    def input(self, view: ControllerView) -> Array:
+        """Return the corner of U_i that lowers ψ_q of that pair most; u_nom if none is in sight."""
+        pairs = view.pairs
+        if not len(pairs.psi):
+            return view.u_nom
+        return minimiser(pairs.a[pairs.psi[:, 0].argmax()], view.inputs.corners)
 
 
 @dataclass
