@@ -152,9 +152,6 @@ class AgentMargin:
                 state or some operation has no interval rule.
             MistakenMethodError: a user's margin failed, or returned no scalar expression.
         """
-        row = PairRow(chain, side, part, self.horizon, self.bounds_of(chain))
+        bounds = tuple(self.bounds[m.name] for m in chain.set.members)
+        row = PairRow(chain, side, part, self.horizon, bounds)
         return part.value * self.eta + self.kind.at_sample(row)
-
-    def bounds_of(self, chain: Chain) -> tuple[float, ...]:
-        """φ_l^max of each of the chain's members."""
-        return tuple(self.bounds[m.name] for m in chain.set.members)

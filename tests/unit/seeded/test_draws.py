@@ -1,4 +1,4 @@
-"""Every draw is a pure function of (seed, purpose, index)."""
+"""Every draw is a pure function of (seed, purpose, index); so are the instants of a clock."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from scipy.stats import kstest
 
 from phalanx.network.loss import Outside
 from phalanx.network.rule import AtLeast
-from phalanx.seeded.draws import Draws
+from phalanx.seeded.draws import Draws, SamplingClock
 
 indices = st.lists(st.integers(0, 5000), min_size=1, max_size=40)
 
@@ -69,3 +69,44 @@ def test_draws_are_uniform_in_the_unit_interval():
 def test_the_bits_are_the_same_on_every_machine_and_in_every_version():
     """A change here makes every recording unverifiable: it must be deliberate."""
     assert [float(v).hex() for v in Draws(0, "clock", "1")[1000]] == ["0x1.f2bcad74b4ee4p-3"]
+
+
+def gaps(clock: SamplingClock, count: int = 3000) -> np.ndarray:
+    times = [0.0]
+    for k in range(count):
+        times.append(clock.after(k, times[-1]))
+    return np.diff(times)
+
+
+@given(seed=st.integers(0, 2**63 - 1), share=st.floats(0.0, 0.99))
+def test_gaps_lie_within_the_period_plus_or_minus_the_jitter(seed, share):
+    period, jitter = 0.01, 0.01 * share
+    found = gaps(SamplingClock(seed, "1", period, jitter), 50)
+    assert found.min() >= period - jitter - 1e-12
+    assert found.max() <= period + jitter + 1e-12
+    assert found.min() > 0.0
+
+
+def test_gaps_use_the_whole_range_about_the_period():
+    found = gaps(SamplingClock(0, "1", 0.01, 0.002))
+    assert found.min() == pytest.approx(0.008, abs=1e-5)
+    assert found.max() == pytest.approx(0.012, abs=1e-5)
+    assert found.mean() == pytest.approx(0.01, abs=4 * 0.002 / np.sqrt(3 * len(found)))
+
+
+def test_without_jitter_the_clock_is_periodic():
+    assert gaps(SamplingClock(0, "1", 0.01, 0.0)) == pytest.approx(0.01)
+
+
+def test_agents_and_seeds_have_clocks_of_their_own_and_plant_and_agent_share_one():
+    clocks = [(0, "1"), (0, "2"), (1, "1")]
+    drawn = {tuple(gaps(SamplingClock(*c, 0.01, 0.002), 20)) for c in clocks}
+    assert len(drawn) == 3
+    assert tuple(gaps(SamplingClock(0, "1", 0.01, 0.002), 20)) in drawn
+
+
+def test_the_next_instant_depends_on_k_and_t_alone():
+    clock = SamplingClock(0, "1", 0.01, 0.002)
+    later = clock.after(900, 9.0)
+    clock.after(3, 0.03)
+    assert clock.after(900, 9.0) == later
