@@ -28,7 +28,7 @@ from phalanx_viewer.scene.model import scene_model
 from phalanx_viewer.scene.server import choose_port
 
 from phalanx.guarantee.verdict import Summary, Violation
-from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.frames import AgentStatus, Frame
 from phalanx.messages.step_report import AppliedStep
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate

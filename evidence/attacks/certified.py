@@ -24,8 +24,8 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.hosts.authority import Authority, make_identities, private_pem, write_identity
 from phalanx.messages.credentials import AUTHORITY, Admission, tls
+from phalanx.messages.frames import CommandMessage
 from phalanx.messages.keys import OPERATOR, PLANT, VIEWER, Keys
-from phalanx.messages.kinds import CommandMessage
 from phalanx.messages.seal import Sealer
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load

@@ -21,21 +21,9 @@ from phalanx_viewer.scene.model import scene_model
 
 from phalanx.faults.commands import ActiveCommands, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
+from phalanx.messages.frames import AgentStatus, CommandMessage, Frame, LinkEvent, LogLine
 from phalanx.messages.keys import Keys
-from phalanx.messages.kinds import (
-    Actuation,
-    AgentStatus,
-    Broadcast,
-    CommandMessage,
-    Ended,
-    Frame,
-    LinkEvent,
-    LogLine,
-    Message,
-    Sample,
-    Status,
-    Telemetry,
-)
+from phalanx.messages.kinds import Actuation, Broadcast, Ended, Message, Sample, Status, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.messages.step_report import AppliedStep, StepReport
 from phalanx.network.inbox import AnnouncedInput, DeliveryReport

@@ -17,7 +17,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__Marker as
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.frames import AgentStatus, Frame
 from phalanx.messages.step_report import QUANTITIES
 from phalanx.recording.curves.series import unit_of
 from phalanx.theory.arrays import Array

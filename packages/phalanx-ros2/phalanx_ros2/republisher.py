@@ -12,7 +12,7 @@ from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticAr
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx_ros2 import messages
 from phalanx_ros2.cdr import message_type, serialized
 from phalanx_ros2.rmw_zenoh import Node, NodeName

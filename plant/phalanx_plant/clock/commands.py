@@ -13,7 +13,7 @@ import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal, require_valid
 from phalanx.faults.fault import Occurrence
-from phalanx.messages.kinds import CommandMessage
+from phalanx.messages.frames import CommandMessage
 from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.swarm.swarm import Swarm
 

@@ -5,8 +5,9 @@ import threading
 from collections.abc import Iterable
 
 from phalanx.messages.admission import admission
+from phalanx.messages.frames import Setup
 from phalanx.messages.keys import PLANT, ROUTER
-from phalanx.messages.kinds import MAX_BYTES, Setup
+from phalanx.messages.kinds import MAX_BYTES
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals
 from phalanx.scenario.load import to_json

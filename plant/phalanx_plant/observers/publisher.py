@@ -8,7 +8,8 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from phalanx.faults.commands import FaultState
-from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent, LogLine, Status, worse
+from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
+from phalanx.messages.kinds import Status
 from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import DeliveryReport
 from phalanx.theory.rows.origin import Origin

@@ -21,8 +21,8 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.hosts.authority import make_identities
 from phalanx.messages.credentials import PRIVATE_KEY
+from phalanx.messages.frames import CommandMessage
 from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
-from phalanx.messages.kinds import CommandMessage
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Sealer
 from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub

@@ -9,7 +9,7 @@ from phalanx_viewer.feeds.live import Live
 import phalanx
 from phalanx.faults.commands import CommandKind, CommandPolicy, Condition
 from phalanx.guarantee.verdict import Outcome
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for

@@ -11,7 +11,7 @@ from phalanx_viewer.scene.server import SceneServer
 from phalanx_viewer.scene.texts import legend
 from viser._messages import _CreateSceneNodeMessage
 
-from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.frames import AgentStatus, Frame
 from phalanx.scenario.load import load
 
 MARKS = {

@@ -11,7 +11,7 @@ from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import Picture
 
 from phalanx.faults.commands import CommandKind
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import HELD, PACED, live_run, wait_for

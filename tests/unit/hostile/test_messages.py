@@ -12,7 +12,7 @@ from phalanx_plant.hub.joining import Joining
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.messages.kinds import AgentStatus, LinkEvent
+from phalanx.messages.frames import AgentStatus, LinkEvent
 from phalanx.messages.seal import Malformed
 from tests.hostile.messages import (
     KEYS,

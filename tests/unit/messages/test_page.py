@@ -7,9 +7,10 @@ from typing import Any
 import msgpack
 import pytest
 
-from phalanx.messages import kinds as messages
+from phalanx.messages import frames, kinds
+from phalanx.messages.frames import AgentStatus
 from phalanx.messages.keys import Keys
-from phalanx.messages.kinds import VERSION, AgentStatus, Message
+from phalanx.messages.kinds import VERSION, Message
 from phalanx.messages.membership import Membership
 from phalanx.messages.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
 
@@ -78,13 +79,12 @@ def example(of_type: str) -> Any:
     return [fields(part)] if of_type.startswith("array of ") else fields(part)
 
 
-def kinds() -> dict[str, type[Message]]:
-    """Every message that there is."""
-    return {
-        name: found
-        for name, found in vars(messages).items()
-        if isinstance(found, type) and issubclass(found, Message) and found is not Message
-    }
+MESSAGES: dict[str, type[Message]] = {
+    name: kind
+    for name, kind in {**vars(kinds), **vars(frames)}.items()
+    if isinstance(kind, type) and issubclass(kind, Message) and kind is not Message
+}
+"""Every message that there is, by name."""
 
 
 @pytest.fixture(scope="module")
@@ -96,14 +96,14 @@ def page() -> dict[str, Any]:
 
 
 def test_the_page_has_every_message_and_no_other():
-    assert set(tables()) == {*kinds(), *PARTS}
+    assert set(tables()) == {*MESSAGES, *PARTS}
     assert f"now **{VERSION}**" in PAGE
 
 
 @pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])
-@pytest.mark.parametrize("name", sorted(kinds()))
+@pytest.mark.parametrize("name", sorted(MESSAGES))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
-    kind, key, examples = kinds()[name], f"phalanx/r/{of}", fields(name)
+    kind, key, examples = MESSAGES[name], f"phalanx/r/{of}", fields(name)
     assert ["version", *[field for field, _ in tables()[name]]] == list(kind.__struct_fields__)
     message = MEMBERSHIP.sealer.open(key, page["sealed"](key, examples, SECRET), kind)
     again = MEMBERSHIP.sealer.seal(key, message)

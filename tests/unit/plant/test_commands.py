@@ -5,8 +5,8 @@ import pytest
 from phalanx_plant.clock.commands import CommandQueue, declared
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition, FaultState
+from phalanx.messages.frames import CommandMessage
 from phalanx.messages.keys import Keys
-from phalanx.messages.kinds import CommandMessage
 from phalanx.messages.seal import Sealer
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm

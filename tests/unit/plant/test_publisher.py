@@ -14,7 +14,8 @@ from phalanx_viewer.feeds.replay import open_replay
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.simulation import DirectAgents
-from phalanx.messages.kinds import Frame, Status
+from phalanx.messages.frames import Frame
+from phalanx.messages.kinds import Status
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.runnable import compile_rows
 from phalanx.theory.arrays import Array

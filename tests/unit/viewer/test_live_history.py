@@ -8,7 +8,7 @@ from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
 from phalanx.guarantee.verdict import Violation
-from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent
+from phalanx.messages.frames import AgentStatus, Frame, LinkEvent
 from phalanx.messages.step_report import QUANTITIES, AppliedStep
 from phalanx.recording.curves.history import recorded_series
 from phalanx.recording.records import Step

@@ -9,7 +9,7 @@ from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.panels import agent_text, verdict_text
 
 from phalanx.guarantee.verdict import Assumption, judge
-from phalanx.messages.kinds import AgentStatus
+from phalanx.messages.frames import AgentStatus
 from phalanx.messages.step_report import AppliedStep
 from phalanx.recording.read import read
 from phalanx.theory.rows.origin import Origin

@@ -7,7 +7,7 @@ from phalanx_viewer.scene.picture import Picture, past_lines, unsafe_lines
 from phalanx_viewer.scene.texts import banner
 
 from phalanx.guarantee.verdict import Violation
-from phalanx.messages.kinds import AgentStatus, Frame
+from phalanx.messages.frames import AgentStatus, Frame
 from phalanx.scenario.load import load
 
 MODEL: SceneModel = scene_model(load("surrounded", []))

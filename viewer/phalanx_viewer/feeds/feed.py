@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
+from phalanx.messages.frames import CommandMessage, Frame, Setup
 from phalanx.messages.keys import PLANT
-from phalanx.messages.kinds import CommandMessage, Ended, Frame, Setup
+from phalanx.messages.kinds import Ended
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.scenario.load import from_json

@@ -8,7 +8,7 @@ import numpy as np
 
 from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
-from phalanx.messages.kinds import AgentStatus, Frame, LogLine
+from phalanx.messages.frames import AgentStatus, Frame, LogLine
 from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
 from phalanx.recording.curves.history import (
     BROADCAST,

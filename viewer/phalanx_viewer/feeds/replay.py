@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption, Violation
-from phalanx.messages.kinds import AgentStatus, Frame, LinkEvent, LogLine, worse
+from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.messages.step_report import AppliedStep
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent

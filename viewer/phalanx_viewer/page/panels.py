@@ -6,7 +6,7 @@ import viser
 
 from phalanx.faults.commands import EFFECTS, CommandKind, Condition
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.messages.kinds import AgentStatus, Frame, LogLine
+from phalanx.messages.frames import AgentStatus, Frame, LogLine
 from phalanx.recording.curves.series import NO_ROW
 from phalanx.theory.rows.origin import origin_label
 from phalanx_viewer.feeds.feed import Feed, interim_outcome

@@ -6,7 +6,7 @@ import time
 import msgspec
 import viser
 
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from phalanx.faults.commands import Condition
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
 from phalanx.recording.broadcasts import FATES
 from phalanx.recording.curves.history import (

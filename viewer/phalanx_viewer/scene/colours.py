@@ -4,7 +4,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from phalanx.faults.commands import Condition
-from phalanx.messages.kinds import AgentStatus
+from phalanx.messages.frames import AgentStatus
 from phalanx.theory.rows.origin import Origin
 
 Colour = tuple[int, int, int]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.guarantee.verdict import Violation
-from phalanx.messages.kinds import Frame
+from phalanx.messages.frames import Frame
 from phalanx.theory.arrays import Array, Mask
 from phalanx_viewer.scene.colours import COLOURS, OBSTACLE, Colour, role
 from phalanx_viewer.scene.model import SceneModel, unit
