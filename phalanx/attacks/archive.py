@@ -101,7 +101,7 @@ class Archive:
     @property
     def best_first(self) -> list[tuple[Behaviour, Find]]:
         """All behaviours, the least robust first."""
-        return sorted(self.cells.items(), key=lambda each: (each[1].robustness, each[1].number))
+        return sorted(self.cells.items(), key=lambda entry: (entry[1].robustness, entry[1].number))
 
 
 def table_of(base: Fields, find: Find) -> Fields:
@@ -119,7 +119,7 @@ def write_finds(
     subfolder = real_folder(folder / "found")
     for old in subfolder.glob("*.toml"):
         old.unlink()
-    violated = [each for each in archived if each[1].row.outcome == Outcome.VIOLATED]
+    violated = [entry for entry in archived if entry[1].row.outcome == Outcome.VIOLATED]
     for number, (behaviour, find) in enumerate(violated or archived[:1], 1):
         name = f"{number:02d}-{behaviour.pair.replace(' ', '-')}-{find.when:.2f}s.toml"
         path = subfolder / name

@@ -118,9 +118,9 @@ def _display(options: "Options") -> "Iterator[Callable[[History], None]]":
     with progress_of_runs(most * len(phases)) as show:
 
         def show_search(history: "History") -> None:
-            done = most * phases.index(history.optimiser) + history.begun
+            finished = most * phases.index(history.optimiser) + history.begun
             result = f"least robustness {history.best:.4g}, {len(history.violated)} violated"
-            show(history.optimiser, done, result if history.finds else "")
+            show(history.optimiser, finished, result if history.finds else "")
 
         yield show_search
 

@@ -53,12 +53,12 @@ class Space:
     @property
     def numbers(self) -> int:
         """The number of knobs that are numbers."""
-        return sum(each.numbers for each in self.knobs)
+        return sum(knob.numbers for knob in self.knobs)
 
     @property
     def choices(self) -> tuple[int, ...]:
         """The number of possibilities of each choice."""
-        return tuple(count for each in self.knobs for count in each.choices)
+        return tuple(count for knob in self.knobs for count in knob.choices)
 
     def overrides(self, point: Point) -> Fields:
         """Return the fields that a point sets, by path."""
@@ -84,7 +84,7 @@ def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
     groups = validate(separate, source).agents
     path_of = {name: f"agents.{g}" for g, group in enumerate(groups) for name in group.names}
     by_name = {name: group for group in groups for name in group.names}
-    knobs = [_varied(path, each) for path, each in attack.vary.items()]
+    knobs = [_varied(path, distribution) for path, distribution in attack.vary.items()]
     knobs += [_start(path_of[name], box) for name, box in attack.starts.items()]
     knobs += [
         _script(path_of[name], by_name[name], pieces, scenario.duration)
@@ -92,7 +92,7 @@ def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
     ]
     if attack.faults is not None:
         knobs += [_fault(attack.faults, scenario) for _ in range(attack.faults.most)]
-    if not any(each.numbers or max(each.choices, default=1) > 1 for each in knobs):
+    if not any(knob.numbers or max(knob.choices, default=1) > 1 for knob in knobs):
         raise ScenarioError(f"{source}: attack: expected knobs: vary, starts, scripts or faults")
     del separate["attack"]
     return Space(separate, tuple(knobs))
@@ -158,7 +158,7 @@ def _script(path: str, group: AgentGroup, pieces: int, duration: float) -> Knobs
         step = low + np.array(numbers) * (high - low) - center
         beyond = float(((polytope.A @ step) / (polytope.b - polytope.A @ center)).max())
         u: list[float] = (center + step / max(1.0, beyond)).tolist()
-        short = [float(f"{each:.3g}") for each in u]
+        short = [float(f"{value:.3g}") for value in u]
         return short if polytope.takes(short) else u  # at a face of U it may be rounded outwards
 
     def fields(numbers: Sequence[float], _: Sequence[int]) -> Fields:

@@ -92,7 +92,7 @@ def first_violation(evaluation: Evaluation) -> Violation | None:
     """Return the violation that begins first; None if the run is not violated."""
     if evaluation.summary.outcome is not Outcome.VIOLATED:
         return None
-    return min(evaluation.summary.violations, key=lambda each: each.first, default=None)
+    return min(evaluation.summary.violations, key=lambda violation: violation.first, default=None)
 
 
 def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> str:
@@ -107,11 +107,11 @@ def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> 
     swarm, summary = shrunk.evaluation.swarm, shrunk.evaluation.summary
     first = first_violation(shrunk.evaluation)
     assert first is not None
-    who = " and ".join(side.in_words for side in _sides(swarm, first))
+    sides = " and ".join(side.in_words for side in _sides(swarm, first))
     distance, nearest_two = nearest(swarm)
     rounded_down = math.floor(1e3 * promised(swarm).time) / 1e3
     lines = [
-        f"{who.capitalize()} are unsafe from {first.first:.3f} s on: h up to {first.worst:.3g}, "
+        f"{sides.capitalize()} are unsafe from {first.first:.3f} s on: h up to {first.worst:.3g}, "
         "where 0 is allowed.",
         f"Before the run, `phalanx check` promises safety for {rounded_down:.3f} s.",
     ]
@@ -129,7 +129,7 @@ def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> 
         f"Run it: {command}",
     ]
     rest = {key: value for key, value in shrunk.table.items() if key != "name"}
-    description = f"An attack on {attacked}: {who}, unsafe at {first.first:.2f} s"
+    description = f"An attack on {attacked}: {sides}, unsafe at {first.first:.2f} s"
     table = {"name": shrunk.table["name"], "description": description, **rest}
     return "".join(f"# {line}\n" for line in lines) + "\n" + scenario_text(table)
 
@@ -137,9 +137,9 @@ def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> 
 def _left_out(table: Fields, origin: Fields) -> list[str]:
     """Return in words the agents, tables and fields of agents that an attack has no more."""
     here, there = (
-        ({str(name) for group in each["agents"] for name in group.get("names", ())},
-         {field for group in each["agents"] for field in group})
-        for each in (table, origin)
+        ({str(name) for group in table["agents"] for name in group.get("names", ())},
+         {field for group in table["agents"] for field in group})
+        for table in (table, origin)
     )  # fmt: skip
     agents, fields = sorted(there[0] - here[0]), sorted(there[1] - here[1])
     return [

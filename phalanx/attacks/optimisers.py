@@ -54,7 +54,7 @@ def differential_evolution(
         draws = Draws(seed, "attack", "differential evolution", str(again), width=width)
         begin = np.array([draws[k] for k in range(max(batch or 10, 5))])
         minimise(
-            lambda x: np.array(evaluator.costs([_point(space, each) for each in x.T])),
+            lambda x: np.array(evaluator.costs([_point(space, column) for column in x.T])),
             bounds=[(0.0, 1.0)] * width, init=begin, vectorized=True, updating="deferred",
             polish=False, seed=(seed + again) % 2**32, maxiter=10**6,
         )  # fmt: skip
@@ -72,12 +72,12 @@ def cma_es(space: Space, evaluator: Evaluator, seed: int, batch: int | None) -> 
         search = _cma(space, (seed * 1009 + again) % 2**32, batch)
         best, stale = np.inf, 0
         while stale < _STALE and not search.should_stop():
-            asked = [search.ask() for _ in range(search.population_size)]
-            costs = evaluator.costs([_of_solution(each) for each in asked])
+            solutions = [search.ask() for _ in range(search.population_size)]
+            costs = evaluator.costs([_of_solution(solution) for solution in solutions])
             # cmaes 0.13 warns of the median of nothing until half of a generation's costs differ:
             # its penalties are then NaN, and the order of the costs stays as it is.
             with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
-                search.tell(list(zip(asked, costs, strict=True)))
+                search.tell(list(zip(solutions, costs, strict=True)))
             stale = 0 if min(costs) < best else stale + 1
             best = min(best, *costs)
         again += 1

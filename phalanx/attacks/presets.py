@@ -33,8 +33,8 @@ def preset(name: str, scenario: Scenario) -> dict[str, Any]:
     for i, member in enumerate(swarm.members):
         if member.adversary:
             turns, start = heading(member.dynamics), x[parts[i]].tolist()
-            named = enumerate(zip(member.dynamics.states, start, strict=True))
-            starts[member.name] = [_interval(*state, turns=k == turns) for k, state in named]
+            named_states = enumerate(zip(member.dynamics.states, start, strict=True))
+            starts[member.name] = [_interval(*state, turns=k == turns) for k, state in named_states]
     declared = scenario.attack
     alone = {*starts, *declared.starts, *declared.scripts} if declared else {*starts}
     for g, group in enumerate(_separate(scenario, alone)):
@@ -66,8 +66,8 @@ def _interval(state: str, value: float, turns: bool) -> list[float]:
 
 
 def _gains(law: Mapping[str, Any]) -> list[tuple[str, float]]:
-    found = [("gain", law["gain"])] if "gain" in law else []
-    return found + [(f"gains.{k}", gain) for k, gain in enumerate(law.get("gains", ()))]
+    gains = [("gain", law["gain"])] if "gain" in law else []
+    return gains + [(f"gains.{k}", gain) for k, gain in enumerate(law.get("gains", ()))]
 
 
 def _gain(value: float) -> dict[str, list[float]]:

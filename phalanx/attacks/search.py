@@ -211,10 +211,10 @@ class Search:
 
 def _targets(swarm: Swarm) -> list[set[str]]:
     """Return labels of pairs: all of them, then those of each adversary if there are several."""
-    composed, members = swarm.safe_set, swarm.members
-    adversaries = [j for j, member in enumerate(members) if member.adversary]
-    own = [{composed.label(pair) for pair in composed.pairs if j in pair} for j in adversaries]
-    return [{composed.label(pair) for pair in composed.pairs}, *(own if len(own) > 1 else [])]
+    labels = {pair: swarm.safe_set.label(pair) for pair in swarm.safe_set.pairs}
+    adversaries = [j for j, member in enumerate(swarm.members) if member.adversary]
+    of_each = [{label for pair, label in labels.items() if j in pair} for j in adversaries]
+    return [{*labels.values()}, *(of_each if len(of_each) > 1 else [])]
 
 
 def declaration(space: Space, attack: Attack, options: Mapping[str, Any]) -> dict[str, Any]:

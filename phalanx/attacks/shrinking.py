@@ -95,15 +95,15 @@ def _fewer(table: Fields, origin: Fields, observe: Observe) -> Fields:
 
 
 def _with_fewest(table: Fields, parts: list[KeyPath], observe: Observe) -> Fields:
-    def with_(kept: list[KeyPath]) -> Fields:
-        return _without(table, [part for part in parts if part not in kept])
+    def with_(chosen: list[KeyPath]) -> Fields:
+        return _without(table, [part for part in parts if part not in chosen])
 
-    return with_(ddmin(parts, lambda kept: observe(with_(kept)) is not None))
+    return with_(ddmin(parts, lambda chosen: observe(with_(chosen)) is not None))
 
 
 def _agents(table: Fields) -> Iterator[KeyPath]:
     groups = list(enumerate(table.get("agents", ())))
-    for g, group in sorted(groups, key=lambda each: each[1].get("role") != "adversary"):
+    for g, group in sorted(groups, key=lambda entry: entry[1].get("role") != "adversary"):
         for member in range(len(group.get("names", ()))):
             yield "agents", g, "names", member
 
@@ -147,7 +147,7 @@ def _without(table: Fields, parts: Sequence[KeyPath]) -> Fields:
                 *above, last = part
                 del _at(table, above)[last]
     table["agents"] = [group for group in table["agents"] if group.get("names", True)]
-    return {key: each for key, each in table.items() if key == "agents" or each not in ([], {})}
+    return {key: value for key, value in table.items() if key == "agents" or value not in ([], {})}
 
 
 def _nearer(table: Fields, origin: Fields, observe: Observe) -> Fields:
@@ -156,11 +156,11 @@ def _nearer(table: Fields, origin: Fields, observe: Observe) -> Fields:
     now = {path: _at(table, path) for path in targets}
     changed = [path for path in targets if now[path] != targets[path]]
 
-    def with_(kept: list[KeyPath]) -> Fields:
-        back = {path: targets[path] for path in changed if path not in kept}
+    def with_(chosen: list[KeyPath]) -> Fields:
+        back = {path: targets[path] for path in changed if path not in chosen}
         return _with(table, back)
 
-    return with_(ddmin(changed, lambda kept: observe(with_(kept)) is not None))
+    return with_(ddmin(changed, lambda chosen: observe(with_(chosen)) is not None))
 
 
 def _of_origin(table: Fields, origin: Fields) -> dict[KeyPath, Any]:

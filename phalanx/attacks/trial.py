@@ -52,9 +52,9 @@ def shortfall(swarm: Swarm, attack: Attack) -> tuple[float, str]:
     In τ for a certificate that is too short, in m for a distance.
     """
     x = swarm.start()
-    distance, who = nearest(swarm)
+    distance, pair = nearest(swarm)
     if distance < attack.apart:
-        reason = f"{who} start {distance:.3g} m apart, expected {attack.apart:g} m"
+        reason = f"{pair} start {distance:.3g} m apart, expected {attack.apart:g} m"
         return attack.apart - distance, reason
     for i in swarm.normal:
         for_tau = longest_certificate(swarm, i, x) / swarm.horizon(i)

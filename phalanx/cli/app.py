@@ -84,8 +84,8 @@ def _extend(app: typer.Typer, entry: Registered) -> None:
         raise ValueError(f"there is a command {sorted(duplicates)[0]!r} already")
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         from phalanx import __version__
 
         echo(f"phalanx {__version__}")

@@ -77,7 +77,7 @@ def compile_scenario(
 
     resolved = phalanx.load(scenario, overrides or (), seed, trust=trust)
     with spinner("compiling") as show:
-        count = compile_scenario(resolved, lambda done, of: show(f"{done} of {of} functions"))
+        count = compile_scenario(resolved, lambda count, of: show(f"{count} of {of} functions"))
     rest = "; those that it shares with earlier ones were known" if count else ": all were known"
     echo(f"{resolved.name}: {count} functions compiled{rest}")
     return 0

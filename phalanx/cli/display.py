@@ -103,9 +103,9 @@ def progress_of_runs(total: int) -> Iterator[Callable[[str, int, str], None]]:
     task = bar.add_task("", total=total, words="")
     moves = console.is_terminal or console.is_jupyter
 
-    def show(title: str, done: int, words: str) -> None:
+    def show(title: str, finished: int, words: str) -> None:
         nonlocal next_line
-        bar.update(task, description=title, completed=done, words=words)
+        bar.update(task, description=title, completed=finished, words=words)
         if not moves and time.monotonic() >= next_line:
             console.print(bar)
             next_line = time.monotonic() + _EVERY
@@ -115,7 +115,7 @@ def progress_of_runs(total: int) -> Iterator[Callable[[str, int, str], None]]:
 
 
 @contextlib.contextmanager
-def spinner(what: str) -> Iterator[Callable[[str], None]]:
+def spinner(activity: str) -> Iterator[Callable[[str], None]]:
     """Show an activity while the block runs; yields the function to call with each part of it.
 
     Without a terminal parts are lines, at most one a second.
@@ -124,12 +124,12 @@ def spinner(what: str) -> Iterator[Callable[[str], None]]:
 
     def show(part: str) -> None:
         nonlocal due
-        status.update(styled(f"{what}: {part}", ""))
+        status.update(styled(f"{activity}: {part}", ""))
         if not console.is_terminal and time.monotonic() >= due:
             due = time.monotonic() + 1.0
-            echo_error(f"{what}: {part}")
+            echo_error(f"{activity}: {part}")
 
-    with console.status(styled(what, "")) as status:
+    with console.status(styled(activity, "")) as status:
         yield show
 
 
@@ -139,8 +139,8 @@ def _text(words: str, **options: Any) -> TextColumn:
 
 def _waiting(missing: Sequence[str], agents: int) -> str:
     """Describe how many agents have joined, and which have not."""
-    named = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
-    return f"{agents - len(missing)} of {agents} agents have joined, waiting for {named}"
+    names = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
+    return f"{agents - len(missing)} of {agents} agents have joined, waiting for {names}"
 
 
 def last_line(summary: Summary) -> str:

@@ -152,7 +152,7 @@ def _read(runs: Sequence[Path], trust: bool) -> "tuple[Scenario, list[AgentDistu
     by_run = [disturbances_of(recording, swarm_of(recording)) for recording in recordings]
     by_group, begin = [], 0
     for group in first.agents:
-        members = [one for run in by_run for one in run[begin : begin + len(group.names)]]
+        members = [member for run in by_run for member in run[begin : begin + len(group.names)]]
         begin += len(group.names)
         by_group.append(AgentDisturbances(*map(np.concatenate, zip(*members, strict=True))))
     if not all(len(group.t) for group in by_group):

@@ -59,8 +59,8 @@ class Run:
         """Return the state for another process, with all files of a temporary folder."""
         paths = self.folder.rglob("*") if self._temporary else ()
         files = {p.relative_to(self.folder): p.read_bytes() for p in paths if p.is_file()}
-        kept = ("folder", "summary", "_opened", "_made_here")
-        return {"files": files, **{name: getattr(self, name) for name in kept}}
+        fields = ("folder", "summary", "_opened", "_made_here")
+        return {"files": files, **{name: getattr(self, name) for name in fields}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         files = state.pop("files")

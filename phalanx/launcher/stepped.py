@@ -99,13 +99,13 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     def states(self) -> dict[str, Array]:
         """True state of every agent, by name."""
         x, parts = self._simulation.clock.world.x, self._swarm.safe_set.parts
-        return {n: x[own].copy() for n, own in zip(self._swarm.names, parts, strict=True)}
+        return {n: x[part].copy() for n, part in zip(self._swarm.names, parts, strict=True)}
 
     @property
     def inputs(self) -> dict[str, Array]:
         """Input that every agent's actuator holds, by name; zero before its first."""
-        held = self._simulation.clock.world.integration.held
-        return {name: held(i) for i, name in enumerate(self._swarm.names)}
+        held_input = self._simulation.clock.world.integration.held
+        return {name: held_input(i) for i, name in enumerate(self._swarm.names)}
 
     @property
     def h(self) -> dict[str, float]:

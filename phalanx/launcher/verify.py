@@ -113,7 +113,7 @@ def _until_its_end(recorded: Recording) -> Scenario:
     if not (cut_short(recorded) and recorded.states):
         return scenario
     reached = min(scenario.duration, recorded.states[-1].t + _INSTANT)
-    reseed = tuple(each for each in scenario.reseed if each.at < reached)
+    reseed = tuple(reseeding for reseeding in scenario.reseed if reseeding.at < reached)
     return scenario.model_copy(update={"duration": reached, "reseed": reseed})
 
 
@@ -164,8 +164,8 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     inputs = {m.name: [f"u.{name}" for name in m.dynamics.inputs] for m in members}
     for n, (old, new) in enumerate(zip(recorded.states, again.states, strict=False)):
         if old != new:
-            what = _first_field(old, new, "x", states)
-            differences.append((old.t, f"state {n} at t = {old.t:.6f} s: {what}"))
+            words = _first_field(old, new, "x", states)
+            differences.append((old.t, f"state {n} at t = {old.t:.6f} s: {words}"))
             break
     for n, (a, b) in enumerate(zip(recorded.steps, again.steps, strict=False)):
         b.solve_time = a.solve_time  # wall time
@@ -176,14 +176,14 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
             )
             break
     if differences:
-        return min(differences, key=lambda each: each[0])[1]
+        return min(differences, key=lambda difference: difference[0])[1]
     counts = [
         ("steps", len(recorded.steps), len(again.steps)),
         ("states", len(recorded.states), len(again.states)),
     ]
-    for what, first, second in counts if not cut_short(recorded) else ():
+    for kind, first, second in counts if not cut_short(recorded) else ():
         if first != second:
-            return f"{first} {what} recorded, {second} the second time"
+            return f"{first} {kind} recorded, {second} the second time"
     return None
 
 

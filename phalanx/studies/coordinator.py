@@ -147,8 +147,8 @@ class _PointState:
         if width is not None and not self._narrow and self._prefix >= self._next_look:
             # Each look costs as much as there are runs; the table of rows finds the exact one.
             self._next_look = self._prefix + 1 + self._prefix // 50
-            outcomes = [each for each in self._outcomes[: self._prefix] if each != REFUSED]
-            violated = [each == Outcome.VIOLATED for each in outcomes]
+            outcomes = [outcome for outcome in self._outcomes[: self._prefix] if outcome != REFUSED]
+            violated = [outcome == Outcome.VIOLATED for outcome in outcomes]
             self._narrow = runs_until_width(violated, width) is not None
         return self._narrow
 
@@ -177,8 +177,8 @@ class Coordinator:
 
     def _report(self) -> None:
         outcomes = self._outcomes.copy()
-        done, total = outcomes.total(), self._plan.size
-        self._progress(StudyProgress(done, total, outcomes, self._computed, self._confirmed))
+        finished, total = outcomes.total(), self._plan.size
+        self._progress(StudyProgress(finished, total, outcomes, self._computed, self._confirmed))
 
     def _missing(self) -> Iterator[Task]:
         """Yield jobs for the runs that have no row with their identity."""

@@ -104,7 +104,7 @@ class Plan(Strict):
 
     def _require_written(self) -> None:
         """Raise ValidationError if a value is None, or has one inside: a file cannot say that."""
-        choices = {path: each.choice for path, each in self.draw.items() if each.choice}
+        choices = {path: law.choice for path, law in self.draw.items() if law.choice}
         parts = [("overrides", self.overrides), ("vary", self.vary), ("draw", choices)]
         for part, fields in [*parts, *(("points", point) for point in self.points)]:
             for path, value in fields.items():
@@ -127,7 +127,7 @@ class Plan(Strict):
     @cached_property
     def _grid(self) -> list[dict[str, Any]]:
         values = itertools.product(*self.vary.values())
-        return [dict(zip(self.vary, each, strict=True)) for each in values]
+        return [dict(zip(self.vary, point, strict=True)) for point in values]
 
     @property
     def size(self) -> int:
@@ -173,8 +173,8 @@ class Plan(Strict):
 
     def load(self, case: Case) -> Scenario:
         """Return a run's resolved scenario. Raises ScenarioError."""
-        found = load_scenario(self.table, case.point.overrides, case.seed)
-        return found.model_copy(update={"reading": self._reading(case)})
+        scenario = load_scenario(self.table, case.point.overrides, case.seed)
+        return scenario.model_copy(update={"reading": self._reading(case)})
 
     def undrawn(self, overrides: Mapping[str, Any]) -> Scenario:
         """Return a scenario before a seed draws starts and obstacles. Raises ScenarioError."""
@@ -261,9 +261,9 @@ def distribution_from(text: str) -> dict[str, Any]:
 
 
 def _numbers(values: Sequence[Any], text: str) -> list[float]:
-    if len(values) != 2 or not all(isinstance(each, int | float) for each in values):
+    if len(values) != 2 or not all(isinstance(value, int | float) for value in values):
         raise ValueError(f"expected two numbers, got {text}")
-    return [float(each) for each in values]
+    return [float(value) for value in values]
 
 
 def _overlap(path: str, other: str) -> bool:

@@ -77,7 +77,7 @@ def row_of(
         worst_h=summary.worst_h,
         worst_at=summary.worst_at,
         worst_pair=summary.worst_pair,
-        first_violation=min((each.first for each in summary.violations), default=None),
+        first_violation=min((violation.first for violation in summary.violations), default=None),
         certified=certificates.certified / certificates.samples if certificates.samples else None,
         shortest=certificates.shortest,
         uncovered_at=certificates.uncovered_at,
@@ -91,9 +91,9 @@ def row_of(
 
 def flat(row: Row) -> dict[str, Any]:
     """Return a row by the columns of SCHEMA."""
-    found = msgspec.structs.asdict(row)
-    metrics, overrides = found.pop("metrics"), json_text(row.overrides)
-    columns = {**found, **row.identity._asdict(), "key": row.identity.key, "overrides": overrides}
+    columns = msgspec.structs.asdict(row)
+    metrics, overrides = columns.pop("metrics"), json_text(row.overrides)
+    columns = {**columns, **row.identity._asdict(), "key": row.identity.key, "overrides": overrides}
     return {name: columns[name] if name in columns else metrics.get(name) for name in SCHEMA}
 
 
@@ -110,7 +110,7 @@ def _schema() -> dict[str, Any]:
     types: dict[Any, Any] = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.Boolean}
     fields = {**get_type_hints(Identity), **get_type_hints(Row)}
     of_fields = {
-        name: types[next(each for each in (hint, *get_args(hint)) if each in types)]
+        name: types[next(part for part in (hint, *get_args(hint)) if part in types)]
         for name, hint in fields.items()
         if name not in ("identity", "overrides", "metrics")
     }
@@ -141,7 +141,7 @@ def without_effect(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
     """Name the axes of which no value gives a run another trajectory, all else being equal."""
     ran = runs.filter(pl.col("trajectory") != "")
     for axis in axes:
-        others = ["seed", *(each for each in axes if each != axis)]
+        others = ["seed", *(other for other in axes if other != axis)]
         counts = ran.group_by(others).agg(pl.col("trajectory", axis).n_unique())
         if counts.filter(pl.col(axis) > 1)["trajectory"].max() == 1:
             yield f"{axis} changes no trajectory: runs that differ in it alone are the same"

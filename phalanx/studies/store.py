@@ -206,9 +206,9 @@ def plan_text(plan: Plan) -> str:
 def _without_none(value: Any) -> Any:
     """Return a table without its missing values, which TOML cannot express."""
     if isinstance(value, dict):
-        return {key: _without_none(each) for key, each in value.items() if each is not None}
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple):
-        return [_without_none(each) for each in value]
+        return [_without_none(item) for item in value]
     return value
 
 

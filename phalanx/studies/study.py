@@ -94,7 +94,7 @@ def study(
             "overrides": _tables(overrides or {}),
             "vary": {path: [as_table(v) for v in values] for path, values in (vary or {}).items()},
             "points": [_tables(point) for point in points],
-            "draw": {path: dict(each) for path, each in (draw or {}).items()},
+            "draw": {path: dict(distribution) for path, distribution in (draw or {}).items()},
             "draws": draws,
             "until_width": until_width,
         }
@@ -226,9 +226,9 @@ class Study:
         for values, rows in grouped:
             hits = (rows["outcome"] == outcome).to_numpy()
             share, (low, high), n = rate(hits, rows["seed"].to_numpy(), anytime, level)
-            named = dict(zip(axes, values, strict=True))
+            point = dict(zip(axes, values, strict=True))
             counts = {"runs": n, outcome: round(share * n)}
-            rates.append({**named, **counts, "rate": share, "low": low, "high": high})
+            rates.append({**point, **counts, "rate": share, "low": low, "high": high})
         return pl.DataFrame(rates)
 
     def run(

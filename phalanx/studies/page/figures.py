@@ -44,7 +44,7 @@ def rates_figure(axis: str, groups: Sequence[Group], outcomes: Sequence[str]) ->
     """Draw the rate of each outcome with its interval, over the values of an axis."""
     figure, (axes,) = panels(1, 3.2)
     for number, outcome in enumerate(outcomes):
-        points = [(i, each.rates[outcome]) for i, each in enumerate(groups) if len(each.rows)]
+        points = [(i, group.rates[outcome]) for i, group in enumerate(groups) if len(group.rows)]
         share = np.array([rate.share for _, rate in points])
         ends = np.array([rate.interval for _, rate in points]).T
         x = np.array([i for i, _ in points]) + 0.09 * (number - (len(outcomes) - 1) / 2)
@@ -54,7 +54,7 @@ def rates_figure(axis: str, groups: Sequence[Group], outcomes: Sequence[str]) ->
         axes.errorbar(x, share, reach, color=colour, fmt=marker, capsize=2, label=outcome)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_ylim(-0.03, 1.03)
-    _name(axes, "x", axis, [each.label for each in groups])
+    _name(axes, "x", axis, [group.label for group in groups])
     legend(axes)
     return figure
 

@@ -87,5 +87,5 @@ def outcomes_of(groups: Sequence[Group]) -> list[str]:
     return [
         outcome.value
         for outcome in Outcome
-        if outcome is Outcome.VIOLATED or any(each.rates[outcome].share for each in groups)
+        if outcome is Outcome.VIOLATED or any(group.rates[outcome].share for group in groups)
     ]

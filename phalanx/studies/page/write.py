@@ -71,7 +71,7 @@ def write_study_page(
     parts = [
         *map(note, without_effect(runs, axes)),
         section("Outcomes", _rates("", [group("all", runs, anytime)]) + note(_intervals(anytime))),
-        *(section(f"Over {axis}", _over(axis, found)) for axis, found in groups.items()),
+        *(section(f"Over {axis}", _over(axis, parts)) for axis, parts in groups.items()),
         *_maps(runs, axes, anytime),
         *_distribution(runs, groups),
         *_costs(runs, axes),
@@ -85,7 +85,7 @@ def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False)
     runs = counted(frame)
     tables = {"": [group("all", runs, anytime)]}
     tables |= {axis: by_axis(runs, axis, anytime) for axis in axes}
-    return "".join(html_table(*_rate_rows(axis, found)) for axis, found in tables.items())
+    return "".join(html_table(*_rate_rows(axis, parts)) for axis, parts in tables.items())
 
 
 def _counts(frame: pl.DataFrame, runs: pl.DataFrame) -> str:
@@ -117,8 +117,8 @@ def _rate_rows(axis: str, groups: Sequence[Group]) -> tuple[list[tuple[str, ...]
     """Return the rows of a table of rates, and its head."""
     outcomes = outcomes_of(groups)
     rows = [
-        (each.label, _runs(each), *(_in_words(each.rates[name]) for name in outcomes))
-        for each in groups
+        (part.label, _runs(part), *(_in_words(part.rates[name]) for name in outcomes))
+        for part in groups
     ]
     return rows, (axis, "runs", *outcomes)
 
@@ -128,9 +128,9 @@ def _rates(axis: str, groups: Sequence[Group]) -> str:
     return table(head, rows)
 
 
-def _runs(found: Group) -> str:
+def _runs(part: Group) -> str:
     """Return the number of a group's runs that its rates count."""
-    count, all_of_it = found.rates[Outcome.VIOLATED].runs, len(found.rows)
+    count, all_of_it = part.rates[Outcome.VIOLATED].runs, len(part.rows)
     return str(count) if count == all_of_it else f"{count} of {all_of_it}"
 
 
@@ -156,8 +156,8 @@ def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[st
         (columns, of_column), (rows, of_row) = (labels(runs[axis]) for axis in pair)
         marked = runs.with_columns(column_=of_column, row_=of_row)
         cells = {
-            (i, j): group("", found, anytime)
-            for (i, j), found in marked.group_by("column_", "row_", maintain_order=True)
+            (i, j): group("", cell, anytime)
+            for (i, j), cell in marked.group_by("column_", "row_", maintain_order=True)
         }
         parts = [
             drawing(
