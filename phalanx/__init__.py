@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from phalanx.messages.kinds import Status
     from phalanx.recording import metrics
     from phalanx.recording.read import UnreadableRecordingError
-    from phalanx.scenario.load import ScenarioError, load, shipped
-    from phalanx.scenario.model import Scenario
+    from phalanx.scenario.load import load, shipped
+    from phalanx.scenario.model import Scenario, ScenarioError
     from phalanx.studies.study import Study, open_study, study
 
 __version__ = "0.3.0"

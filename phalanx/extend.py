@@ -47,7 +47,9 @@ from phalanx.theory.laws.law import (
     View,
 )
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
-from phalanx.theory.margins.margin import IntegratedMargin, LocalMargin, Margin, PairRow
+from phalanx.theory.margins.integrated import IntegratedMargin
+from phalanx.theory.margins.local import LocalMargin
+from phalanx.theory.margins.margin import Margin, PairRow
 from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator

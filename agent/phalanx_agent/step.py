@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from msgspec import Struct
@@ -19,14 +19,20 @@ from phalanx.messages.kinds import (
 )
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed
-from phalanx.network.inbox import AnnouncedInput, BroadcastInbox, BroadcastRange, DeliveryReport
+from phalanx.network.inbox import (
+    AnnouncedInput,
+    BroadcastInbox,
+    BroadcastRange,
+    Conviction,
+    DeliveryReport,
+)
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
+from phalanx.schema.registry import part_of_agent
+from phalanx.swarm.mistakes import mistake_at
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import mistake_at
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
-from phalanx.swarm.watch import Watch
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import error_line
@@ -34,8 +40,6 @@ from phalanx.theory.rows.information import ReceivedInput
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
     AgentController,
-    CentralisedController,
-    CentralisedPart,
     DistributedController,
     HijackedController,
     StepResult,
@@ -103,7 +107,9 @@ class ControlStep:
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
         watches = swarm.safety.watch and not swarm.members[i].adversary
-        self._watch = Watch(swarm, i) if watches else None
+        self._watch: Callable[..., list[Conviction]] | None = (
+            part_of_agent("safety.watch")(swarm, i) if watches else None
+        )
         self._controller = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Accepted:
@@ -275,8 +281,8 @@ def control_steps(
     """Make the steps of one process: an agent's own, or the controller's for all normal agents."""
     if name != CONTROLLER:
         return [ControlStep(rows, rows.swarm.names.index(name), membership=membership)]
-    whole = CentralisedController(rows)
-    return [ControlStep(rows, i, CentralisedPart(whole, i), membership) for i in rows.swarm.normal]
+    part: Callable[[int], AgentController] = part_of_agent("safety.control")(rows).part
+    return [ControlStep(rows, i, part(i), membership) for i in rows.swarm.normal]
 
 
 def _broadcast(k: int, claim: AnnouncedInput) -> Broadcast:

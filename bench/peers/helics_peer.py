@@ -36,7 +36,8 @@ from phalanx.launcher.simulation import DirectAgents, RecordsInMemory
 from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Actuation, Sample, Telemetry
 from phalanx.messages.membership import Membership
-from phalanx.scenario.load import from_json, to_json
+from phalanx.scenario.load import from_json
+from phalanx.scenario.model import to_json
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm

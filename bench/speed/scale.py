@@ -35,7 +35,8 @@ from rich.progress import Progress
 import phalanx
 from phalanx.guarantee.verdict import Outcome
 from phalanx.messages.kinds import Status
-from phalanx.scenario.load import from_json, to_json
+from phalanx.scenario.load import from_json
+from phalanx.scenario.model import to_json
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.runnable import compile_rows
 from phalanx.swarm.swarm import build_swarm

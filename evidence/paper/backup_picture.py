@@ -19,7 +19,7 @@ from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.margin import RowPart
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)

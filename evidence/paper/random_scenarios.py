@@ -30,7 +30,8 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.messages.kinds import Telemetry
 from phalanx.recording.read import read
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.scenario.safety import Composition
 from phalanx.schema.built_in import BUILT_IN
 from phalanx.seeded.draws import Draws

@@ -13,8 +13,8 @@ import numpy as np
 
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.attack import Attack, FaultBudget, Interval
-from phalanx.scenario.load import ScenarioError, validate
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import validate
+from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.schema.fields import Distribution
 from phalanx.theory.models.polytope import constant_polytope
 

@@ -13,8 +13,8 @@ from phalanx.attacks.trial import nearest, shortfall
 from phalanx.guarantee.start import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
-from phalanx.scenario.load import ScenarioError, digest, scenario_text, validate
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import scenario_text, validate
+from phalanx.scenario.model import Scenario, ScenarioError, digest
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 _VERDICT, _TRAJECTORY, _ATTACKED = "Verdict: ", "Trajectory: ", "Attacked: "

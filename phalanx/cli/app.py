@@ -152,7 +152,7 @@ def _status_of(error: Exception) -> int | None:
     from phalanx.launcher.engine import EngineError
     from phalanx.messages.kinds import StepFailedError
     from phalanx.recording.read import UnreadableRecordingError
-    from phalanx.scenario.load import ScenarioError
+    from phalanx.scenario.model import ScenarioError
     from phalanx.theory.models.world import WorldError
     from phalanx.wire.session import HubError
 

@@ -195,7 +195,8 @@ def _against(name: str, values: "Array", size: "Array") -> list[str]:
 
 
 def _with_bounds(scenario: "Scenario", bounds: Sequence[float]) -> "Scenario":
-    from phalanx.scenario.load import from_json, to_json
+    from phalanx.scenario.load import from_json
+    from phalanx.scenario.model import to_json
 
     table = json.loads(to_json(scenario))
     for group, bound in zip(table["agents"], bounds, strict=True):

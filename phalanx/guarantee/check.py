@@ -28,8 +28,8 @@ from phalanx.guarantee.start import (
     rows_at_start,
     with_safety,
 )
-from phalanx.scenario.load import ScenarioError, load
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm

@@ -1,7 +1,8 @@
 """Requirements of the paper's theorem, or of the margin's proof, that a scenario does not meet."""
 
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.margins.integrated import STEEPEST, RowPart
+from phalanx.theory.margins.integrated import STEEPEST
+from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.safety.class_k import Linear
 
 _RECOMMENDED, _WEAK = 0.25, 0.15

@@ -29,7 +29,8 @@ from phalanx.launcher.programs import (
 )
 from phalanx.messages.keys import PLANT
 from phalanx.messages.membership import Membership
-from phalanx.scenario.load import ScenarioError, from_json
+from phalanx.scenario.load import from_json
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm

@@ -36,8 +36,7 @@ from phalanx.messages.kinds import SAYS, Status
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed
 from phalanx.recording.records import PROFILE, SUMMARY
-from phalanx.scenario.load import to_json
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import Scenario, to_json
 from phalanx.schema.user_code import of_session
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.session import HubError, open_client, reserved_endpoint

@@ -24,8 +24,8 @@ from phalanx.faults.commands import Command, turns
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, make_importable
 from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step, StepData
-from phalanx.scenario.load import ScenarioError, from_json
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import from_json
+from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array

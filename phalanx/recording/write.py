@@ -17,8 +17,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.mcap_chunks import PackedWriter
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, State, Step, StepData, json_schema, schema_name
-from phalanx.scenario.load import digest, to_json
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import Scenario, digest, to_json
 from phalanx.schema.user_code import imported_sources
 
 _CHUNK_BYTES = 64 * 1024

@@ -2,7 +2,6 @@
 
 import copy
 import difflib
-import hashlib
 import json
 import re
 import tomllib
@@ -16,7 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from phalanx.scenario.declared import KINDS
-from phalanx.scenario.model import Reading, Scenario
+from phalanx.scenario.model import Reading, Scenario, ScenarioError
 from phalanx.schema.fields import field_path
 from phalanx.schema.registry import as_table
 from phalanx.schema.user_code import UntrustedCodeError, code_trusted
@@ -26,10 +25,6 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 """Keys that TOML needs no quotes for."""
 _DEEPEST, _LONGEST = 64, 1024
 """Most tables and lists inside one another, and bits of an integer."""
-
-
-class ScenarioError(ValueError):
-    """The scenario cannot be run; the message names file, field, expected and got."""
 
 
 def shipped() -> dict[str, Traversable]:
@@ -128,17 +123,6 @@ def validate(table: Mapping[str, Any], source: str, *, drawn: bool = True) -> Sc
         raise ScenarioError(described(error, source)) from error
     except UntrustedCodeError as error:
         raise ScenarioError(f"{source}: {error}") from error
-
-
-def digest(scenario: Scenario) -> str:
-    """Return a hash of the resolved scenario, by which programs check that they have the same."""
-    content = scenario.model_copy(update={"reading": None})
-    return hashlib.blake2b(to_json(content).encode(), digest_size=8).hexdigest()
-
-
-def to_json(scenario: Scenario) -> str:
-    """Return the resolved scenario with all defaults."""
-    return scenario.model_dump_json(by_alias=True)
 
 
 def from_json(text: str) -> Scenario:

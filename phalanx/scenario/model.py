@@ -1,5 +1,6 @@
 """The scenario as a whole, in SI units."""
 
+import hashlib
 import shlex
 from collections import Counter
 from collections.abc import Iterator
@@ -48,6 +49,11 @@ from phalanx.theory.laws.formation import Formation
 from phalanx.theory.models.world import World, require_clock
 from phalanx.theory.safety.function import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere, Wall
+
+
+class ScenarioError(ValueError):
+    """The scenario cannot be run; the message names file, field, expected and got."""
+
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 MAX_AGENTS = 256
@@ -398,3 +404,14 @@ class Scenario(Strict):
         normal = tuple(name for name, group, _ in self.roster() if group.role == "normal")
         adversaries = {n: (n,) for n, group, _ in self.roster() if group.role == "adversary"}
         return {CONTROLLER: normal, **adversaries}
+
+
+def digest(scenario: Scenario) -> str:
+    """Return a hash of the resolved scenario, by which programs check that they have the same."""
+    content = scenario.model_copy(update={"reading": None})
+    return hashlib.blake2b(to_json(content).encode(), digest_size=8).hexdigest()
+
+
+def to_json(scenario: Scenario) -> str:
+    """Return the resolved scenario with all defaults."""
+    return scenario.model_dump_json(by_alias=True)

@@ -41,8 +41,8 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
     Margin: {
         "paper": "phalanx.theory.margins.margin:PaperMargin",
         "corrected": "phalanx.theory.margins.margin:CorrectedMargin",
-        "local": "phalanx.theory.margins.margin:LocalMargin",
-        "integrated": "phalanx.theory.margins.margin:IntegratedMargin",
+        "local": "phalanx.theory.margins.local:LocalMargin",
+        "integrated": "phalanx.theory.margins.integrated:IntegratedMargin",
     },
     Information: {
         "paper": "phalanx.theory.rows.information:Paper",
@@ -83,3 +83,12 @@ PACKAGES: Mapping[type, Mapping[str, str]] = {
     },
 }
 """Packages of this repository by the names that they register, by kind."""
+
+BY_OPTION: Mapping[str, str] = {
+    "agents.controller": "phalanx.swarm.own_controller:own_controller",
+    "agents.controller certified": "phalanx.guarantee.certificates:certified_for",
+    "safety.control": "phalanx_agent.centralised:CentralisedController",
+    "safety.prove": "phalanx.guarantee.proven_filter:ProvenFilter",
+    "safety.watch": "phalanx.swarm.watch:Watch",
+}
+"""Parts of an agent that an option of its scenario asks for, by the option."""

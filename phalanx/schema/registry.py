@@ -12,7 +12,7 @@ from typing import Any
 
 import pydantic
 
-from phalanx.schema.built_in import BUILT_IN, PACKAGES
+from phalanx.schema.built_in import BUILT_IN, BY_OPTION, PACKAGES
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import call_user, checks, is_built_in, located_class
 from phalanx.theory.laws.law import Law
@@ -54,6 +54,11 @@ def lookup(kind: type, name: str) -> type:
     if mistake := _mistake_in(kind, found):
         raise ValueError(f"expected a dataclass that is a {kind.__name__}{mistake}")
     return found
+
+
+def part_of_agent(option: str) -> Any:
+    """Import what an option of a scenario asks for: no other agent needs it."""
+    return pkgutil.resolve_name(BY_OPTION[option])
 
 
 @cache

@@ -15,7 +15,7 @@ import msgspec
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import ScenarioError
 from phalanx.schema.user_code import imported_sources
 from phalanx.seeded.draws import Draws
 from phalanx.studies.identity import Identity, digest_of_modules, digest_of_scenario, versions

@@ -16,8 +16,7 @@ import phalanx_agent
 import phalanx_plant
 
 import phalanx
-from phalanx.scenario.load import digest
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import Scenario, digest
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""

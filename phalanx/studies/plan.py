@@ -10,16 +10,9 @@ from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from phalanx.scenario.load import (
-    ScenarioError,
-    described,
-    read_table,
-    reading_of,
-    validate,
-    value_from,
-)
+from phalanx.scenario.load import described, read_table, reading_of, validate, value_from
 from phalanx.scenario.load import load as load_scenario
-from phalanx.scenario.model import Reading, Scenario, Seed
+from phalanx.scenario.model import Reading, Scenario, ScenarioError, Seed
 from phalanx.schema.fields import Distribution, Strict, Values, field_error
 from phalanx.seeded.draws import Draws
 

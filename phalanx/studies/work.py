@@ -15,7 +15,8 @@ from phalanx.launcher import interrupt
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.recording.read import swarm_of
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
 from phalanx.swarm.rows import SafetyRows

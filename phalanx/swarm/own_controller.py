@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import ScenarioError
+from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import (
@@ -83,8 +84,12 @@ class OwnController:
         return inside
 
 
-def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnController | None:
+def own_controller(
+    rows: SafetyRows, i: int, certified: Certified | None = None
+) -> OwnController | None:
     """Build agent i's controller; None if it applies the paper's filter.
+
+    certified: by default by the verdict's certificates.
 
     Raises ScenarioError if it does not fit the agent.
     """
@@ -110,4 +115,5 @@ def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnControl
         raise ScenarioError(
             f"{swarm.scenario.name}: controller of {swarm.names[i]}: {error}"
         ) from error
+    certified = certified or part_of_agent("agents.controller certified")(swarm, i)
     return OwnController(rows, i, controller, certified)

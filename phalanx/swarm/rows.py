@@ -11,13 +11,12 @@ from functools import cached_property, partial
 import casadi as ca
 import numpy as np
 
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
-from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.margin import AgentMargin
+from phalanx.theory.margins.margin import AgentMargin, RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction

@@ -12,8 +12,7 @@ import numpy as np
 
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
-from phalanx.scenario.load import ScenarioError, digest
-from phalanx.scenario.model import Scenario, Time
+from phalanx.scenario.model import Scenario, ScenarioError, Time, digest
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of

@@ -33,7 +33,8 @@ from phalanx.messages.kinds import (
 )
 from phalanx.messages.membership import Membership
 from phalanx.messages.step_report import StepReport
-from phalanx.scenario.load import digest, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import digest
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 

@@ -16,7 +16,8 @@ from mcap.writer import Writer
 
 import phalanx
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import ScenarioError, load, read_table, set_field, shipped, validate
+from phalanx.scenario.load import load, read_table, set_field, shipped, validate
+from phalanx.scenario.model import ScenarioError
 from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import build_swarm
 from tests.hostile.mutation import of_bytes, of_numbers, of_tree

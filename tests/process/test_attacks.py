@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from phalanx.attacks.minimise import differences, smallest, stated
-from phalanx.scenario.load import ScenarioError, read_table
+from phalanx.scenario.load import read_table
+from phalanx.scenario.model import ScenarioError
 from tests.layers import layered
 
 CORPUS = sorted((Path(__file__).parents[2] / "scenarios" / "attacks").glob("*.toml"))

@@ -102,7 +102,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 840,
+    "agent": 860,
     "attacks": 1900,
     "cli": 1640,
     "faults": 1020,
@@ -114,11 +114,11 @@ BUDGET: Mapping[str, int] = {
     "plant": 4880,
     "recording": 2040,
     "report": 2320,
-    "scenario": 1520,
-    "schema": 800,
+    "scenario": 1540,
+    "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1360,
+    "swarm": 1380,
     "theory": 8480,
     "viewer": 5300,
     "wire": 700,
@@ -286,7 +286,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 16_400), ("phalanx.launcher.simulation", 21_320)]
+    ("program", "most"), [("phalanx_agent.main", 14_320), ("phalanx.launcher.simulation", 21_320)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -12,7 +12,8 @@ from phalanx_ros2.world import Ros2, _Held, _Robot
 
 import phalanx
 from examples.ros2_robots import robot
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import DynamicUnicycle, Unicycle

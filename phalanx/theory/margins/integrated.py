@@ -8,7 +8,7 @@ may choose.
 
 import math
 from collections.abc import Sequence
-from enum import Enum
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
@@ -23,21 +23,11 @@ from phalanx.theory.margins.enclosure import (
     scalars,
     within,
 )
+from phalanx.theory.margins.margin import PairRow, RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain, disturbance_bound, lie_derivatives
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
-
-
-class RowPart(Enum):
-    """The part of a condition that a row keeps; the value is its share of drift, α_q and η."""
-
-    WHOLE = 1.0
-    """Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, with a fixed w_l in U_l for every other input:
-    for a received input in force as well as for the worst case."""
-    HALF = 0.5
-    """c_i u_i + ½ (Σ drift + α_q): each of two normal agents keeps one half of their pair."""
-
 
 INFLATIONS = (0.5, 0.5, 0.3, 0.1)
 """Rounds of an enclosure for horizons of some tenths of a second; the box is hardly wider."""
@@ -149,6 +139,14 @@ def integrated_margin(
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     margin = part.value * bound.disturbance + lasting * bound.bend + outside
     return ca.if_else(bound.proven, margin, ca.inf)
+
+
+@dataclass(frozen=True)
+class IntegratedMargin:
+    """A smaller bound computed at each sample, of a pair's row with a linear α_q."""
+
+    def at_sample(self, row: PairRow) -> ca.SX:
+        return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:

@@ -7,12 +7,13 @@ Lipschitz constants and no workspace: the bound is computed at each sample.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.margins.enclosure import enclose_all, scalars, within
-from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.margin import PairRow, RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 
@@ -70,3 +71,11 @@ def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:
         for l, c in enumerate(chain.actuation):
             row += 0 if l == i else c @ inputs[l]
     return row
+
+
+@dataclass(frozen=True)
+class LocalMargin:
+    """A bound computed at each sample, of a pair's row with any α_q."""
+
+    def at_sample(self, row: PairRow) -> ca.SX:
+        return local_margin(row.chain, row.own, row.horizon, row.bounds, row.part)

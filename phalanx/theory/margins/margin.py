@@ -1,19 +1,18 @@
 """The margin of a row: an addition to ψ_q so that it holds until its agent samples again.
 
-Four kinds have a name in scenarios; others are users' own.
+Four kinds have a name in scenarios, two of them here; others are users' own.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 from annotated_types import Ge
 
 from phalanx.theory.expressions.user_methods import check_of, require_expression
-from phalanx.theory.margins.integrated import RowPart, integrated_margin
-from phalanx.theory.margins.local import local_margin
 from phalanx.theory.safety.chain import Chain
 
 NonNegative = Annotated[float, Ge(0)]
@@ -41,6 +40,16 @@ class MarginConstants:
         rate = self.c_f + self.c_g * self.u_max + self.c_alpha + self.c_gamma
         # ε(Γ) = μ/L' (exp(L' Γ) - 1), Eq. (epsT), for any L' > 0: its limit at 0 is the tightest.
         return rate * (self.mu * gamma) + self.c_h * disturbances
+
+
+class RowPart(Enum):
+    """The part of a condition that a row keeps; the value is its share of drift, α_q and η."""
+
+    WHOLE = 1.0
+    """Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, with a fixed w_l in U_l for every other input:
+    for a received input in force as well as for the worst case."""
+    HALF = 0.5
+    """c_i u_i + ½ (Σ drift + α_q): each of two normal agents keeps one half of their pair."""
 
 
 class PairRow(NamedTuple):
@@ -99,22 +108,6 @@ class PaperMargin:
 @dataclass(frozen=True)
 class CorrectedMargin(PaperMargin):
     """The paper's margin for a chain, and so a row, with L_φ ψ_k for every k >= 1."""
-
-
-@dataclass(frozen=True)
-class LocalMargin:
-    """A bound computed at each sample, of a pair's row with any α_q."""
-
-    def at_sample(self, row: PairRow) -> ca.SX:
-        return local_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
-
-
-@dataclass(frozen=True)
-class IntegratedMargin:
-    """A smaller bound computed at each sample, of a pair's row with a linear α_q."""
-
-    def at_sample(self, row: PairRow) -> ca.SX:
-        return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
 
 
 @check_of(Margin, "at_sample")

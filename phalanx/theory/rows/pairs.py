@@ -17,7 +17,7 @@ from msgspec import Struct
 from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction, MappedRows
 from phalanx.theory.expressions.exact import inner
-from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
 from phalanx.theory.safety.chain import Chain

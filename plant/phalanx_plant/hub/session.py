@@ -10,7 +10,7 @@ from phalanx.messages.keys import PLANT, ROUTER
 from phalanx.messages.kinds import MAX_BYTES
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals
-from phalanx.scenario.load import to_json
+from phalanx.scenario.model import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.pubsub import Delivery, SealedPublisher, ViewerCopies

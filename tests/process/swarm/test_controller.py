@@ -1,7 +1,7 @@
 """Theorem 1 as processes: one controller for all normal agents."""
 
 import pytest
-from phalanx_agent.controller import CentralisedController
+from phalanx_agent.centralised import CentralisedController
 
 import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy

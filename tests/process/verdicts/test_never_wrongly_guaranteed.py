@@ -28,7 +28,8 @@ from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator

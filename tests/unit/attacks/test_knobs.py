@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from phalanx.attacks.knobs import Point, separated, space_of
 from phalanx.attacks.presets import preset
-from phalanx.scenario.load import ScenarioError, load, read_table
+from phalanx.scenario.load import load, read_table
+from phalanx.scenario.model import ScenarioError
 
 UNIT = st.floats(0.0, 1.0)
 BOX = [[-2.0, 10.0], [-6.0, 6.0], [1.0, 1.0]]

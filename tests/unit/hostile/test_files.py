@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from phalanx.guarantee.check import check
 from phalanx.guarantee.verdict import CertificateSummary, certified
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from tests.hostile.files import TRIALS
 from tests.hostile.messages import SUMMARY
 

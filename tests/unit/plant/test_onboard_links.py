@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from phalanx_plant.sampling.schedule import OnboardLinks, Schedule
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 END = 4.0

@@ -12,7 +12,8 @@ from phalanx.recording.modules import MEDIA_TYPE, MODULES
 from phalanx.recording.read import UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter
-from phalanx.scenario.load import load, to_json
+from phalanx.scenario.load import load
+from phalanx.scenario.model import to_json
 from phalanx.schema.user_code import imported_sources
 
 LAW = """

@@ -29,8 +29,8 @@ from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, S
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step, StepData
 from phalanx.recording.write import Record, RecordingError, RecordingWriter, write_summary
-from phalanx.scenario.load import digest, load
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Scenario, digest
 from phalanx.theory.rows.origin import Origin
 
 

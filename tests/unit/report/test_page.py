@@ -13,7 +13,8 @@ from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
 from phalanx.report.safety import worst
 from phalanx.report.write import write_report
-from phalanx.scenario.load import digest, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import digest
 from phalanx.theory.expressions.exact import LARGEST_SUM
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, load, shipped, validate
+from phalanx.scenario.load import load, shipped, validate
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 

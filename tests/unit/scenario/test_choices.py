@@ -2,7 +2,8 @@
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, load, read_table
+from phalanx.scenario.load import load, read_table
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.class_k import Linear
 

@@ -12,7 +12,8 @@ from phalanx.faults.links import Partition
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.network.rule import DELIVER, DROP
-from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.scenario.load import from_json, load
+from phalanx.scenario.model import ScenarioError, to_json
 from phalanx.seeded.draws import Seeds
 
 ALL = """

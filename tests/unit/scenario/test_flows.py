@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from phalanx.scenario.load import ScenarioError, from_json, load, to_json, validate
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.load import from_json, load, validate
+from phalanx.scenario.model import Scenario, ScenarioError, to_json
 from phalanx.scenario.placement import Flow
 from phalanx.theory.laws.goals import Sight
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.scenario.load import from_json, load
+from phalanx.scenario.model import ScenarioError, to_json
 from phalanx.swarm.swarm import build_swarm
 
 POINTS = [[1.0, 2.0], [1.0, 3.0]]

@@ -6,8 +6,6 @@ import pytest
 
 from phalanx.network.delay import UniformDelay
 from phalanx.scenario.load import (
-    ScenarioError,
-    digest,
     field_and_value,
     from_json,
     inline,
@@ -15,9 +13,9 @@ from phalanx.scenario.load import (
     read_table,
     scenario_text,
     set_field,
-    to_json,
     value_from,
 )
+from phalanx.scenario.model import ScenarioError, digest, to_json
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.margin import MarginConstants
 from tests.unit.swarms import rows_of_scenario

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.scenario.load import from_json, load
+from phalanx.scenario.model import ScenarioError, to_json
 from phalanx.swarm.swarm import build_swarm
 
 CORNERS = [[3.0, -2.0], [6.5, -3.0], [3.0, -4.0]]

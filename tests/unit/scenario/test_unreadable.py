@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 
 
 def test_a_file_that_is_not_toml_says_where(tmp_path):

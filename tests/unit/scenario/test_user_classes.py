@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import ScenarioError, load, read_table, scenario_text
+from phalanx.scenario.load import load, read_table, scenario_text
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import ScenarioError
 from phalanx.studies.plan import (
     Distribution,
     distribution_from,

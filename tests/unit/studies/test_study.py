@@ -6,7 +6,8 @@ import re
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.scenario.load import ScenarioError, read_table, scenario_text
+from phalanx.scenario.load import read_table, scenario_text
+from phalanx.scenario.model import ScenarioError
 from phalanx.studies.identity import Identity
 from phalanx.studies.plan import Plan, plan_from
 from phalanx.studies.row import Row, without_effect

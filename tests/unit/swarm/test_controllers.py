@@ -8,7 +8,8 @@ import pytest
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.page import key_figures
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.theory.baselines.controllers import Escape
 from phalanx.theory.rows.origin import Origin
 from tests.layers import layered

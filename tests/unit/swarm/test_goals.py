@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.registry import construct
 from phalanx.swarm.runnable import require_runnable

@@ -9,7 +9,7 @@ from phalanx.recording.curves.values import SafetyValues
 from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
-from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario

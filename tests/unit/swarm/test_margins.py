@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import RowPart, integrated_margin
+from phalanx.theory.margins.integrated import integrated_margin
 from phalanx.theory.margins.local import local_margin
+from phalanx.theory.margins.margin import RowPart
 from tests.unit.swarms import rows_of_scenario
 
 

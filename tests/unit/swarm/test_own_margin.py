@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 

@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 

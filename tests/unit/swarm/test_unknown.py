@@ -7,7 +7,8 @@ import pytest
 from phalanx_agent.controller import DistributedController
 
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm

@@ -51,7 +51,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from phalanx.files import whole_file
-from phalanx.scenario.load import to_json
+from phalanx.scenario.model import to_json
 from phalanx.theory.arrays import Array
 from phalanx_viewer.export.common import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from examples.bicycles import Bicycle
 from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import STEEPEST, RowPart, integrated_margin
+from phalanx.theory.margins.integrated import STEEPEST, integrated_margin
 from phalanx.theory.margins.local import UNKNOWN, local_margin
+from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.wheeled import Unicycle

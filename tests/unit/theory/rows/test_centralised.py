@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.centralised import JointInput, joint_row
 from phalanx.theory.rows.origin import Origin

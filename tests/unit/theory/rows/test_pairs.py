@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.composed import SwarmTerms

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator

@@ -8,7 +8,7 @@ from phalanx_plant.world.relevant_pairs import RelevantPairs
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
