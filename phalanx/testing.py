@@ -91,8 +91,8 @@ class _Trial:
         require("two advances are one", whole, halves)
         again = self._moved(_TIME / 2, _TIME, again=True)
         require("an input is held until the next one", halves, again)
-        one, other = (self._moved(_TIME / 2, _TIME, reseed=7) for _ in range(2))
-        require("same new seed, same states", one, other, 0.0)
+        first, second = (self._moved(_TIME / 2, _TIME, reseed=7) for _ in range(2))
+        require("same new seed, same states", first, second, 0.0)
         self._require_refusals()
 
     def _moved(
@@ -103,30 +103,31 @@ class _Trial:
         reseed: int | None = None,
     ) -> _Ends:
         """Return the states that a new world reaches under the inputs."""
-        given, now, found = self._inputs if inputs is None else inputs, 0.0, list[_Ends]()
-        kept: _Ends = {}
+        inputs = self._inputs if inputs is None else inputs
+        now, advances = 0.0, list[_Ends]()
+        copies: _Ends = {}
         with self._begun() as world:
             for k, until in enumerate(instants):
-                for name, u in given.items():
+                for name, u in inputs.items():
                     if k == 0 or again:
-                        own = u.copy()
-                        world.hold(name, own)
-                        own[:] = np.nan  # an array that is not the world's
+                        argument = u.copy()
+                        world.hold(name, argument)
+                        argument[:] = np.nan  # an array that is not the world's
                 if k and reseed is not None:
                     world.reseed(reseed)
                 self._wait(world, until)
-                found.append(advanced(world, self._agents, now, until, self._step).x)
-                kept = kept if k else {name: x.copy() for name, x in found[0].items()}
+                advances.append(advanced(world, self._agents, now, until, self._step).x)
+                copies = copies if k else {name: x.copy() for name, x in advances[0].items()}
                 now = until
         for agent in self._agents:
-            first, *later = (x[agent.name] for x in found)
+            first, *later = (x[agent.name] for x in advances)
             if not np.isfinite([x[-1] for x in (first, *later)]).all():
                 what = "states are not finite; does hold copy its input?"
                 raise WorldMistakeError(f"agent {agent.name}: {what}")
-            if not np.array_equal(first, kept[agent.name]):
+            if not np.array_equal(first, copies[agent.name]):
                 raise WorldMistakeError(f"agent {agent.name}: a later advance changed its states")
             self._require_start(agent, first[0])
-        return {name: x[-1] for name, x in found[-1].items()}
+        return {name: x[-1] for name, x in advances[-1].items()}
 
     def _require_start(self, agent: WorldAgent, first: Array) -> None:
         drift = ca.evalf(agent.dynamics.drift(ca.SX(ca.DM(agent.start))))
@@ -185,5 +186,5 @@ def _some_input(dynamics: Dynamics) -> Array:
     if polytope is None:
         return np.full(len(dynamics.inputs), 0.1)
     corners = polytope.corners
-    found: Array = 0.5 * corners[0] + 0.5 * corners.mean(axis=0)
-    return found
+    between: Array = 0.5 * corners[0] + 0.5 * corners.mean(axis=0)
+    return between

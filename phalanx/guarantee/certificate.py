@@ -76,7 +76,7 @@ class PairCertificate:
 @outwards()
 def pair_certificate(
     pair: ComposedSet,
-    own: int,
+    side: int,
     alphas: Sequence[ClassK],
     bounds: Sequence[float],
     longest: float,
@@ -85,7 +85,7 @@ def pair_certificate(
 
     Args:
         pair: one pair alone; its obstacle's numbers may be symbols.
-        own: agent i's place in it.
+        side: agent i's in it, 0 or 1.
         alphas: α_1 ... α_q; the last is not used.
         bounds: φ_l^max of each member.
         longest: τ = Γ_i + δ_i^max and the latency [s].
@@ -93,7 +93,7 @@ def pair_certificate(
     horizons = tuple(multiple * longest for multiple in MULTIPLES)
     horizon = ca.SX.sym("T")
     try:
-        moving = enclose_all(pair, bounds, horizon, INFLATIONS, held=own)
+        moving = enclose_all(pair, bounds, horizon, INFLATIONS, held=side)
     except ValueError as error:
         return PairCertificate(horizons, None, str(error))
     chain = build_chain(pair, alphas, None, bounds)
@@ -102,13 +102,13 @@ def pair_certificate(
         return ca.if_else(_highest(pair, moving) <= 0, horizon, 0)
 
     def integrated(value: ca.SX) -> ca.SX:
-        return time_until_zero(growth(value, pair, own, moving, bounds), horizon)
+        return time_until_zero(growth(value, pair, side, moving, bounds), horizon)
 
-    def kept() -> ca.SX:
+    def integrated_chain() -> ca.SX:
         return ca.if_else(keeps_chain(chain, alphas, moving), integrated(chain.psi[-1]), 0)
 
     kinds: list[Callable[[], ca.SX]] = [reached, lambda: integrated(pair.h_tot)]
-    kinds += [kept] if chain.relative_degree > 1 else []
+    kinds += [integrated_chain] if chain.relative_degree > 1 else []
     times, refused = [], []
     for kind in kinds:
         try:
@@ -117,7 +117,7 @@ def pair_certificate(
             refused.append(str(error))
     if not times:
         return PairCertificate(horizons, None, "; ".join(refused))
-    row = [pair.x, pair.parameters, moving[own].u, horizon]
+    row = [pair.x, pair.parameters, moving[side].u, horizon]
     proven = MappedFunction(row, [ca.mmax(ca.vertcat(*times))])
     return PairCertificate(horizons, proven, "; ".join(refused))
 
@@ -127,10 +127,10 @@ def least_now(pair: ComposedSet) -> ca.SX:
     """Bound h from below at the sample; -inf if there is no bound."""
     symbols = scalars([pair.x, pair.parameters])
     try:
-        (found,) = extend([pair.h_tot], symbols, list(map(point, symbols)))
+        (h,) = extend([pair.h_tot], symbols, list(map(point, symbols)))
     except UnboundedOperationError:
         return ca.SX(-ca.inf)
-    return found.lo
+    return h.lo
 
 
 @outwards()
@@ -172,8 +172,8 @@ def _highest(pair: ComposedSet, reach: Sequence[Reach | Enclosure]) -> ca.SX:
     """Bound h over the boxes, without continuity; inf if the boxes are uncertain."""
     numbers = scalars([pair.parameters])
     boxes = [*[interval for r in reach for interval in r.states], *map(point, numbers)]
-    (found,) = extend([pair.h_tot], scalars([r.x for r in reach]) + numbers, boxes)
+    (h,) = extend([pair.h_tot], scalars([r.x for r in reach]) + numbers, boxes)
     certain = ca.SX(1)
     for r in reach:
         certain = ca.logic_and(certain, r.certain)
-    return ca.if_else(certain, found.hi, ca.inf)
+    return ca.if_else(certain, h.hi, ca.inf)

@@ -30,7 +30,7 @@ _MOST_CHOSEN = 16
 """Sets of an agent's pairs that are kept, grouped by kind."""
 
 
-class Held(NamedTuple):
+class HeldInput(NamedTuple):
     """An input that a normal agent holds from now on."""
 
     agent: "AgentCertificates"
@@ -75,71 +75,71 @@ class SwarmCertificates:
         """Return φ^max of each member of a pair, and the integration's defect."""
         return [self.swarm.disturbance_bounds[m.name] + DEFECT for m in pair.members]
 
-    def kind(self, pair: int, own: int) -> int:
-        """Return the number of a pair's kind, for the agent whose place in it is `own`."""
-        key = own, int(self.swarm.pair_sorts[pair])
+    def kind(self, pair: int, side: int) -> int:
+        """Return the number of a pair's kind, for the agent on one side of it, 0 or 1."""
+        key = side, int(self.swarm.pair_sorts[pair])
         if key not in self._number:
             self._number[key] = len(self.kinds)
-            self.kinds.append(self._compiled(pair, own))
+            self.kinds.append(self._compiled(pair, side))
         return self._number[key]
 
-    def proven(self, held: Sequence[Held]) -> list[Array]:
+    def proven(self, inputs: Sequence[HeldInput]) -> list[Array]:
         """Return for each input the times for which its agent's pairs are proven safe [s].
 
         Inputs at different times are evaluated in one call, since a call has a large overhead.
         """
-        numbers = self.pairs.numbers(np.stack([each.x for each in held]))
+        numbers = self.pairs.numbers(np.stack([item.x for item in inputs]))
+        agents = [item.agent for item in inputs]
+        # A row for each pair to look at: its input, pair, kind and variables.
         chosen = [
             np.arange(len(agent.pairs)) if near is None else near.nonzero()[0]
-            for agent, _, _, near in held
+            for agent, _, _, near in inputs
         ]
-        # A row for each chosen pair: its input, kind and places, and an upper bound of its time.
-        of = np.repeat(np.arange(len(held)), [len(some) for some in chosen])
-        agents = [each.agent for each in held]
-        own = list(zip(agents, chosen, strict=True))
-        kinds = np.concatenate([agent.kinds[some] for agent, some in own])
-        every = np.concatenate([agent.places[some] for agent, some in own])
-        every += of[:, None] * numbers.shape[1]
-        found = np.array([agent.longest for agent in agents])[of]
-        for number in np.unique(kinds).tolist():
-            kind, which = self.kinds[number], np.flatnonzero(kinds == number)
-            places = every[which, : sum(kind.sizes)]
-            # Most pairs are too far apart to meet.
-            may_meet = ~(kind.highest(numbers.ravel(), places)[:, 0] <= 0.0)
-            which, places = which[may_meet], places[may_meet]
-            if len(which):
-                u = np.stack([held[k].u for k in of[which].tolist()])
-                # Of an unsafe pair nothing can be proven.
-                safe = ~(kind.least(numbers.ravel(), places)[:, 0] > 0.0)
-                proven = kind.certificate.times(numbers.ravel()[places[safe]], u[safe])
-                found[which], found[which[safe]] = 0.0, proven
+        of = np.repeat(np.arange(len(inputs)), [len(part) for part in chosen])
+        pairs = np.concatenate(chosen)
+        by_agent = list(zip(agents, chosen, strict=True))
+        kinds = np.concatenate([agent.kinds[part] for agent, part in by_agent])
+        variables = np.concatenate([agent.variables[part] for agent, part in by_agent])
+        variables += of[:, None] * numbers.shape[1]
         ends = np.cumsum([0, *[len(agent.pairs) for agent in agents]])
         times = np.repeat([agent.longest for agent in agents], np.diff(ends))
-        times[ends[of] + np.concatenate(chosen)] = found
+        for number in np.unique(kinds).tolist():
+            kind, rows = self.kinds[number], np.flatnonzero(kinds == number)
+            indices = variables[rows, : sum(kind.sizes)]
+            # Most pairs are too far apart to meet.
+            may_meet = ~(kind.highest(numbers.ravel(), indices)[:, 0] <= 0.0)
+            rows, indices = rows[may_meet], indices[may_meet]
+            if len(rows):
+                u = np.stack([inputs[k].u for k in of[rows].tolist()])
+                # Of an unsafe pair nothing can be proven.
+                safe = ~(kind.least(numbers.ravel(), indices)[:, 0] > 0.0)
+                proven = kind.certificate.times(numbers.ravel()[indices[safe]], u[safe])
+                near = ends[of[rows]] + pairs[rows]
+                times[near], times[near[safe]] = 0.0, proven
         return [times[begin:end] for begin, end in pairwise(ends.tolist())]
 
-    def _compiled(self, pair: int, own: int) -> _Kind:
+    def _compiled(self, pair: int, side: int) -> _Kind:
         """Compile a pair's kind, or take that of a view of the same swarm."""
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
         alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
         text = self.pairs.kind_of(a, b).text
-        key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
-        bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
+        key = "certificate", text, side, *[swarm.group_numbers[l] for l in involved]
+        bounds, tau = self.bounds(alone), swarm.horizon(involved[side])
 
         def compiled() -> _Kind:
             longest = MULTIPLES[0] * tau
             highest = [highest_within(alone, bounds, t) for t in (longest, QUIET * longest)]
-            made = pair_certificate(alone, own, alphas, bounds, tau)
+            certificate = pair_certificate(alone, side, alphas, bounds, tau)
             above, below = (
                 MappedFunction([alone.x, alone.parameters], results)
                 for results in (highest, [least_now(alone)])
             )
-            return _Kind(made, above, below, alone.sizes)
+            return _Kind(certificate, above, below, alone.sizes)
 
         def of_process() -> _Kind:
             # Another run of this process may have had such a pair.
-            return cached((text, _limits_text(alone, alphas), own, *bounds, tau), compiled)
+            return cached((text, _limits_text(alone, alphas), side, *bounds, tau), compiled)
 
         return swarm.functions.get(key, of_process)
 
@@ -150,8 +150,8 @@ def _limits_text(pair: ComposedSet, alphas: Sequence[ClassK]) -> str:
     for member, part in zip(pair.members, pair.parts, strict=True):
         outputs += member.dynamics.input_polytope(pair.x[part])
     outputs += [alpha.value(s) for alpha in alphas]
-    found: str = ca.Function("bounds", [pair.x, s], outputs).serialize()
-    return " ".join([*[m.name for m in pair.members], found])
+    limits: str = ca.Function("bounds", [pair.x, s], outputs).serialize()
+    return " ".join([*[m.name for m in pair.members], limits])
 
 
 class Near(NamedTuple):
@@ -167,10 +167,10 @@ class _Group(NamedTuple):
     """An agent's pairs of one kind."""
 
     kind: _Kind
-    which: Index
-    """Their places among the agent's pairs, shape (r,)."""
-    places: Index
-    """Positions of their variables, shape (r, n)."""
+    pairs: Index
+    """Their indices among the agent's pairs, shape (r,)."""
+    variables: Index
+    """Indices of their variables, shape (r, n)."""
 
 
 class AgentCertificates:
@@ -187,7 +187,7 @@ class AgentCertificates:
         self.longest = MULTIPLES[0] * self.tau
         """The longest horizon: the result for pairs that stay safe for longer [s]."""
         self.sides: Index = (swarm.ends[mine, 0] != i).astype(np.intp)
-        """Agent i's place in each pair, 0 or 1, shape (p,)."""
+        """Agent i's side of each pair, 0 or 1, shape (p,)."""
         self.others: Index = swarm.ends[mine, 1 - self.sides]
         """The other member of each pair, or N + k for obstacle k; shape (p,)."""
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
@@ -198,27 +198,27 @@ class AgentCertificates:
         self._chosen: dict[bytes, list[tuple[_Group, MappedRows]]] = {}
         """Pairs that `near` was asked for lately, by kind: mostly the same few sets."""
         width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
-        self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
-        """Positions of each pair's variables, shape (p, n), padded with zeros."""
+        self.variables: Index = np.zeros((len(mine), width), dtype=np.intp)
+        """Indices of each pair's variables, shape (p, n), padded with zeros."""
         sorts = 2 * swarm.swarm.pair_sorts[mine] + self.sides
         for sort in np.unique(sorts).tolist():
-            which = np.flatnonzero(sorts == sort)
-            number = swarm.kind(self.pairs[which[0]], sort % 2)
+            pairs = np.flatnonzero(sorts == sort)
+            number = swarm.kind(self.pairs[pairs[0]], sort % 2)
             kind = swarm.kinds[number]
-            places = spread(swarm.pairs.begin, swarm.ends[mine[which]], kind.sizes)
-            self._groups.append(_Group(kind, which, places))
-            self.kinds[which] = number
-            self.places[which, : places.shape[1]] = places
-            self.provable[which] = kind.certificate.proven is not None
+            indices = spread(swarm.pairs.begin, swarm.ends[mine[pairs]], kind.sizes)
+            self._groups.append(_Group(kind, pairs, indices))
+            self.kinds[pairs] = number
+            self.variables[pairs, : indices.shape[1]] = indices
+            self.provable[pairs] = kind.certificate.proven is not None
 
     @property
     def refused(self) -> dict[int, str]:
         """Reasons, by index, of pairs that no input of the agent can certify."""
-        each = [self._swarm.kinds[number].certificate for number in self.kinds.tolist()]
+        kinds = [self._swarm.kinds[number] for number in self.kinds.tolist()]
         return {
-            pair: certificate.refused
-            for pair, certificate in zip(self.pairs, each, strict=True)
-            if certificate.proven is None
+            pair: kind.certificate.refused
+            for pair, kind in zip(self.pairs, kinds, strict=True)
+            if kind.certificate.proven is None
         }
 
     def near(self, x: Array, pairs: Mask) -> Near | None:
@@ -231,22 +231,22 @@ class AgentCertificates:
             if len(self._chosen) == _MOST_CHOSEN:
                 self._chosen.clear()
             self._chosen[key] = self._choose(pairs)
-        numbers, found = self._swarm.pairs.numbers(x), None
-        for (kind, which, places), highest in self._chosen[key]:
+        numbers, near = self._swarm.pairs.numbers(x), None
+        for (kind, rows, indices), highest in self._chosen[key]:
             highest(numbers)
             if highest.results.max() <= 0.0:
                 continue
-            found = found or Near(*np.zeros((2, len(pairs)), dtype=bool))
+            near = near or Near(*np.zeros((2, len(pairs)), dtype=bool))
             meet = ~(highest.results[:, 0] <= 0.0)
             if meet.any():
-                found.pairs[which[meet]] = True
-                found.unsafe[which[meet]] = kind.least(numbers, places[meet])[:, 0] > 0.0
-        return found
+                near.pairs[rows[meet]] = True
+                near.unsafe[rows[meet]] = kind.least(numbers, indices[meet])[:, 0] > 0.0
+        return near
 
     def _choose(self, pairs: Mask) -> list[tuple[_Group, MappedRows]]:
-        some = [(group, pairs[group.which]) for group in self._groups]
-        each = [_Group(g.kind, g.which[own], g.places[own]) for g, own in some if own.any()]
-        return [(group, group.kind.highest.at(group.places)) for group in each]
+        masks = [(group, pairs[group.pairs]) for group in self._groups]
+        groups = [_Group(g.kind, g.pairs[m], g.variables[m]) for g, m in masks if m.any()]
+        return [(group, group.kind.highest.at(group.variables)) for group in groups]
 
     def times(self, x: Array, inputs: Array, near: Near) -> Array:
         """Return for each input the times for which pairs are proven safe [s], shape (k, p).
@@ -257,33 +257,34 @@ class AgentCertificates:
             near: at x; all other pairs are safe for the longest horizon.
         """
         numbers = self._swarm.pairs.numbers(x)
-        found = np.full((len(inputs), len(near.pairs)), self.longest)
-        found[:, near.unsafe] = 0.0
-        open_ = near.pairs & ~near.unsafe
-        for kind, which, places in self._groups:
-            if (some := open_[which]).any():
-                pairs = numbers[places[some]]
-                each = np.tile(pairs, (len(inputs), 1)), np.repeat(inputs, len(pairs), axis=0)
-                times = kind.certificate.times(*each)
-                found[:, which[some]] = times.reshape(len(inputs), -1)
-        return found
+        times = np.full((len(inputs), len(near.pairs)), self.longest)
+        times[:, near.unsafe] = 0.0
+        unknown = near.pairs & ~near.unsafe
+        for kind, rows, indices in self._groups:
+            if (mask := unknown[rows]).any():
+                pairs = numbers[indices[mask]]
+                states, u = np.tile(pairs, (len(inputs), 1)), np.repeat(inputs, len(pairs), axis=0)
+                proven = kind.certificate.times(states, u)
+                times[:, rows[mask]] = proven.reshape(len(inputs), -1)
+        return times
 
     def __call__(self, x: Array, u: Array, near: Mask | None = None) -> Array:
         """Return the time for which each pair is proven safe with one input [s]."""
-        (times,) = self._swarm.proven([Held(self, x, u, near)])
+        (times,) = self._swarm.proven([HeldInput(self, x, u, near)])
         return times
 
 
 def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]], float]:
-    """Return (stacked state, own input, agents seen) -> time proven safe [s], of normal agent i.
+    """Return (stacked state, input, agents in sight) -> time proven safe [s], of normal agent i.
 
     It is that of the verdict for the pairs in sight. Compiled when it is first called.
     """
     compiled = cache(lambda: SwarmCertificates(swarm).of(i))
 
-    def certified(x: Array, u: Array, seen: Sequence[int]) -> float:
-        each = compiled()
-        known = np.isin(each.others, seen) | (each.others >= len(swarm.members))
-        return float(each(x, u, known).min(initial=each.longest))
+    def certified(x: Array, u: Array, visible: Sequence[int]) -> float:
+        certificates = compiled()
+        others = certificates.others
+        in_sight = np.isin(others, visible) | (others >= len(swarm.members))
+        return float(certificates(x, u, in_sight).min(initial=certificates.longest))
 
     return certified

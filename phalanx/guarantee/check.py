@@ -11,8 +11,8 @@ from phalanx.guarantee.findings import Unknown, findings
 from phalanx.guarantee.formula import (
     Region,
     boundary,
-    drawn_states,
     formula,
+    random_states,
     states_inside,
     workspace,
     worst_pair,
@@ -68,8 +68,8 @@ def check(
         if not isinstance(box, Unknown):
             condition = _boundary_condition(rows, x, *box)
             progress("margins")
-            drawn = drawn_states(scenario.seed, "inside", *box, _SAMPLES)
-            region = Region(*box, states_inside(rows.invariants(), x, drawn))
+            states = random_states(scenario.seed, "inside", *box, _SAMPLES)
+            region = Region(*box, states_inside(rows.invariants(), x, states))
             of_all, of_pair = formula(rows, rows.chain, region), worst_pair(rows, region)
         provable = rigorous(swarm)
         proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
@@ -145,7 +145,7 @@ def _boundary_condition(
     evaluate = rows.terms_of_all(_largest_margin(rows))
     worst, states = -math.inf, 0
     seed = rows.swarm.seed
-    for y in drawn_states(seed, "boundary", low, high, 10 * _SAMPLES):
+    for y in random_states(seed, "boundary", low, high, 10 * _SAMPLES):
         if states == _BOUNDARY_STATES:
             break
         if (inside(y) <= 0).all():

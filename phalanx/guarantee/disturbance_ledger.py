@@ -42,17 +42,17 @@ class DisturbanceLedger:
     def __init__(self, dynamics: Dynamics) -> None:
         """Compile the motion under a constant disturbance."""
         n, m = len(dynamics.states), len(dynamics.inputs)
-        x, end, phi, u = (ca.SX.sym(*each) for each in (("x", n), ("end", n), ("phi", n), ("u", m)))
+        x, end, phi, u = (ca.SX.sym(*s) for s in (("x", n), ("end", n), ("phi", n), ("u", m)))
         horizon, rate = ca.SX.sym("T"), dynamics.drift(x) + dynamics.actuation(x) @ u
         field = ca.Function("f", [x, u], [rate])
         coarse, fine = (_reached(field, x, u, phi, horizon, k * _STEPS) for k in (1, 2))
         error = (fine - coarse) / 15  # of the finer, to the leading order in its step
-        left = end - fine - error
-        once = horizon * ca.jtimes(rate, x, left)
+        residual = end - fine - error
+        once = horizon * ca.jtimes(rate, x, residual)
         twice = horizon * ca.jtimes(rate, x, once)
         # The inverse of ∂x(T)/∂φ = T (1 + TJ/2 + ...), to second order.
-        better = phi + (left - once / 2 + twice / 12) / horizon
-        doubt = ca.fabs(left) + ca.fabs(error)
+        better = phi + (residual - once / 2 + twice / 12) / horizon
+        doubt = ca.fabs(residual) + ca.fabs(error)
         self._improve = MappedFunction([x, end, u, horizon, phi], [better, doubt])
 
     def explain(self, before: Array, after: Array, u: Array, seconds: Array) -> Explanation:
@@ -65,15 +65,15 @@ class DisturbanceLedger:
             seconds: length of each motion [s], above 0, shape (w,).
         """
         w, n = before.shape
-        given = np.concatenate([before, after, u, seconds[:, None]], axis=1)
+        motions = np.concatenate([before, after, u, seconds[:, None]], axis=1)
         phi, last, doubt = np.zeros((3, w, n))
         rounded = _ROUNDED * (np.abs(before) + np.abs(after))
         moving = np.arange(w)
         for _ in range(_ITERATIONS):
-            row = np.concatenate([given[moving], phi[moving]], axis=1)
-            found = self._improve(row.ravel(), np.arange(row.size).reshape(row.shape))
+            row = np.concatenate([motions[moving], phi[moving]], axis=1)
+            improved = self._improve(row.ravel(), np.arange(row.size).reshape(row.shape))
             last[moving] = phi[moving]
-            phi[moving], doubt[moving] = np.split(found, 2, axis=1)
+            phi[moving], doubt[moving] = np.split(improved, 2, axis=1)
             change = np.abs(phi[moving] - last[moving]) * seconds[moving, None]
             moving = moving[(change > rounded[moving]).any(axis=1)]
             if not len(moving):

@@ -127,12 +127,12 @@ def _margins(swarm: Swarm, report: CheckReport, unknown: Sequence[Unknown]) -> I
         by = f"by {safety.margin_name}"
         yield Finding(Requirement(computed, by, "not proven", equation, None))
         return
-    given = [eta for eta in report.eta_paper.values() if eta is not None]
-    if not given:
+    etas = [eta for eta in report.eta_paper.values() if eta is not None]
+    if not etas:
         value = "computed" if math.isnan(bound) else f"computed, {_margin(bound, swarm, q)}"
         yield Finding(Requirement(computed, value, "any bound", equation, True))
         return
-    smallest, name, words = min(given), "margin η, by the formula", []
+    smallest, name, words = min(etas), "margin η, by the formula", []
     value = _with_unit(smallest, swarm, q)
     formula = report.pair_formula if safety.pairwise else report.formula
     if formula is None:
@@ -187,7 +187,7 @@ def _sampling(report: CheckReport) -> Finding:
 
 def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     """Find why rows should not use received inputs, if they do."""
-    model, information = swarm.safety.information_model, swarm.safety.information
+    model, setting = swarm.safety.information_model, swarm.safety.information_setting
     delays = [str(rule) for field, rule in swarm.scenario.network.fields() if field == DELAY]
     unlimited = math.isinf(report.largest_delay)
     allowed = "any" if unlimited else f"at most {rounded(1e3 * report.largest_delay)} ms"
@@ -196,16 +196,16 @@ def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     words = [model.advice] if model.advice and len(swarm.normal) > 1 else []
     if turned := _trusted_attackers(swarm):
         words.append(
-            f"Declared faults make adversaries of {', '.join(turned)}, and safety.information = "
-            f"'{information}' counts on what normal agents do: each agent's row holds, but not the "
-            "joint condition. Take 'unknown'."
+            f"Declared faults make adversaries of {', '.join(turned)}, and {setting} counts on "
+            "what normal agents do: each agent's row holds, but not the joint condition. Take "
+            "safety.information = 'unknown'."
         )
     if liars := _believed_liars(swarm):
         words.append(
             f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
-            f"applied, and safety.information = '{information}' uses these claims: each agent's "
-            "row holds, but not the joint condition. Take 'split' with pairs, which uses no "
-            "received inputs, or 'unknown', where rows hold even if others violate theirs."
+            f"applied, and {setting} uses these claims: each agent's row holds, but not the joint "
+            "condition. Take 'split' with pairs, which uses no received inputs, or 'unknown', "
+            "where rows hold even if others violate theirs."
         )
     return Finding(row, words)
 

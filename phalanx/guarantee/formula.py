@@ -36,7 +36,7 @@ _USELESS = 1e9
 
 def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     """Return the box's least and largest states, or the names of states without bounds."""
-    given, scenario = swarm.scenario.workspace, swarm.scenario
+    scenario = swarm.scenario
     points = [swarm.positions(swarm.start())]
     points += [np.array([o.center]) for o in scenario.obstacles if not isinstance(o, Wall)]
     if scenario.formation:
@@ -48,7 +48,7 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     ranges = {name: (-math.pi, math.pi) for m in swarm.members for name in angles(m.dynamics)}
     for axis, low, high in zip("xyz", everywhere.min(0), everywhere.max(0), strict=False):
         ranges[axis] = low - _AROUND, high + _AROUND
-    ranges |= given
+    ranges |= scenario.workspace
     states = [state for member in swarm.members for state in member.dynamics.states]
     if missing := {state for state in states if state not in ranges}:
         return sorted(missing)
@@ -56,16 +56,16 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     return bounds[:, 0], bounds[:, 1]
 
 
-def drawn_states(seed: int, purpose: str, low: Array, high: Array, count: int) -> Iterator[Array]:
+def random_states(seed: int, purpose: str, low: Array, high: Array, count: int) -> Iterator[Array]:
     """Draw states of the box uniformly, each of shape (n̄,), by seed and purpose."""
     draws = Draws(seed, "check", purpose, width=len(low))
     return (low + (high - low) * draws[index] for index in range(count))
 
 
-def states_inside(inside: Callable[[Array], Array], x: Array, drawn: Iterable[Array]) -> Array:
-    """Return x(0) and drawn states, moved to the boundary of S_I if outside; shape (s, n̄)."""
-    found = (y if (inside(y) <= 0).all() else boundary(inside, x, y) for y in drawn)
-    return np.array([x, *found])
+def states_inside(inside: Callable[[Array], Array], x: Array, states: Iterable[Array]) -> Array:
+    """Return x(0) and these states, moved to the boundary of S_I if outside; shape (s, n̄)."""
+    moved = (y if (inside(y) <= 0).all() else boundary(inside, x, y) for y in states)
+    return np.array([x, *moved])
 
 
 def boundary(inside: Callable[[Array], Array], start: Array, outside: Array) -> Array:
@@ -119,14 +119,14 @@ def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
     Raises ValueError if a member's input polytope depends on its state.
     """
     swarm, composed = rows.swarm, rows.swarm.safe_set
-    places = [swarm.names.index(m.name) for m in chain.set.members]
-    own = np.concatenate([np.r_[composed.parts[l]] for l in places])
+    numbers = [swarm.names.index(m.name) for m in chain.set.members]
+    states = np.concatenate([np.r_[composed.parts[l]] for l in numbers])
     bounds = [swarm.disturbance_bounds[m.name] for m in chain.set.members]
-    found = constants(chain, Region(*[each[..., own] for each in region]), bounds)
+    by_name = constants(chain, Region(*[x[..., states] for x in region]), bounds)
     longest = max(swarm.horizon(i) for i in swarm.normal)
-    given = MarginConstants(**{name: constant.value for name, constant in found.items()})
-    sampling, whole = given.eta(longest, 0.0), given.eta(longest, sum(bounds))
-    return Formula(found, whole if chain.relative_degree == 1 else sampling, whole)
+    margin = MarginConstants(**{name: constant.value for name, constant in by_name.items()})
+    sampling, whole = margin.eta(longest, 0.0), margin.eta(longest, sum(bounds))
+    return Formula(by_name, whole if chain.relative_degree == 1 else sampling, whole)
 
 
 def worst_pair(rows: SafetyRows, region: Region) -> Formula:
@@ -134,12 +134,12 @@ def worst_pair(rows: SafetyRows, region: Region) -> Formula:
 
     Pairs of members of the same two groups have the same η.
     """
-    swarm, found = rows.swarm, {}
+    swarm, formulas = rows.swarm, {}
     for number, pair in enumerate(swarm.safe_set.pairs):
         key = tuple(swarm.group_numbers[l] if l < len(swarm.groups) else l for l in pair)
-        if key not in found:
-            found[key] = formula(rows, rows.pair_chain(number), region)
-    return max(found.values(), key=lambda f: f.corrected)
+        if key not in formulas:
+            formulas[key] = formula(rows, rows.pair_chain(number), region)
+    return max(formulas.values(), key=lambda f: f.corrected)
 
 
 def constants(chain: Chain, region: Region, bounds: Sequence[float]) -> dict[str, Constant]:
@@ -150,13 +150,13 @@ def constants(chain: Chain, region: Region, bounds: Sequence[float]) -> dict[str
     polytopes = _polytopes(chain)
     normal = [l for l, m in enumerate(chain.set.members) if not m.adversary]
     largest_input = max(float(np.linalg.norm(polytopes[l].corners, axis=1).max()) for l in normal)
-    found = {"u_max": Constant(largest_input, "interval")}
+    results = {"u_max": Constant(largest_input, "interval")}
     smooth = _smooth(chain, region)
     for name, norm in _norms(chain, polytopes, bounds).items():
         expression = chain.set.substitute(norm)
         bound = _by_interval(chain, expression, region) if smooth else None
-        found[name] = bound or _by_samples(chain, expression, region.samples)
-    return found
+        results[name] = bound or _by_samples(chain, expression, region.samples)
+    return results
 
 
 def _norms(
@@ -175,14 +175,13 @@ def _norms(
         else:
             c_f += _norm(drift)
             c_g += _norm(actuation)
-        own = x[part]
+        x_l, dynamics = x[part], member.dynamics
         rates = [
-            member.dynamics.drift(own) + member.dynamics.actuation(own) @ ca.DM(v)
-            for v in polytopes[l].corners
+            dynamics.drift(x_l) + dynamics.actuation(x_l) @ ca.DM(v) for v in polytopes[l].corners
         ]
         fastest = ca.mmax(ca.vertcat(*[_norm(r) for r in rates])) + bounds[l]
         speed += fastest**2
-        c_h.append(_norm(ca.jacobian(chain.psi[-1], own)))
+        c_h.append(_norm(ca.jacobian(chain.psi[-1], x_l)))
     return {
         "c_f": c_f,
         "c_g": c_g,
@@ -233,10 +232,10 @@ def _by_samples(chain: Chain, expression: ca.SX, samples: Array) -> Constant:
 
 
 def _polytopes(chain: Chain) -> list[Polytope]:
-    found = []
+    polytopes = []
     for member, part in zip(chain.set.members, chain.set.parts, strict=True):
-        known = constant_polytope(*member.dynamics.input_polytope(chain.set.x[part]))
-        if known is None:
+        polytope = constant_polytope(*member.dynamics.input_polytope(chain.set.x[part]))
+        if polytope is None:
             raise ValueError(f"expected constant input bounds of {member.name}")
-        found.append(known)
-    return found
+        polytopes.append(polytope)
+    return polytopes

@@ -33,13 +33,13 @@ class OwnProofs:
         swarm = rows.swarm
         self._needed = swarm.horizon(i)
         """Until agent i's next sample at the latest [s]."""
-        self.own = own = SwarmCertificates(swarm).of(i)
-        self.others = own.others
+        self.certificates = certificates = SwarmCertificates(swarm).of(i)
+        self.others = certificates.others
         self.agents = len(swarm.members)
-        self._seen: tuple[int, ...] = ()
-        self._in_sight = np.zeros(len(own.pairs), dtype=bool)
+        self._visible: tuple[int, ...] = ()
+        self._in_sight = np.zeros(len(certificates.pairs), dtype=bool)
         """Pairs with what is seen that some input can certify."""
-        self._quiet_until = np.full(len(own.pairs), -np.inf)
+        self._quiet_until = np.full(len(certificates.pairs), -np.inf)
         """Time up to which each pair is proven safe for all inputs of all agents [s]."""
         self._all_quiet_until = -np.inf
         """The same of all pairs in sight [s]."""
@@ -50,26 +50,27 @@ class OwnProofs:
 
         Most are too far apart for several samples, for all inputs, and are not looked at meanwhile.
         """
-        if now.seen != self._seen:
-            self._seen, around = now.seen, {*now.seen}
+        provable, longest = self.certificates.provable, self.certificates.longest
+        if now.seen != self._visible:
+            self._visible, agents = now.seen, {*now.seen}
             # For few numbers np.isin takes ten times as long.
-            each = [l in around or l >= self.agents for l in self.others.tolist()]
-            known = np.array(each, dtype=bool)
-            self._in_sight = known & self.own.provable
-            self.unprovable_in_sight = bool((known & ~self.own.provable).any())
+            listed = [l in agents or l >= self.agents for l in self.others.tolist()]
+            in_sight = np.array(listed, dtype=bool)
+            self._in_sight = in_sight & provable
+            self.unprovable_in_sight = bool((in_sight & ~provable).any())
         elif self._all_quiet_until >= now.t + self._needed:
             return None
         due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
-        if (near := self.own.near(now.x, due)) is None:
-            self._quiet_until[due] = now.t + QUIET * self.own.longest
+        if (near := self.certificates.near(now.x, due)) is None:
+            self._quiet_until[due] = now.t + QUIET * longest
         else:
-            self._quiet_until[due & ~near.pairs] = now.t + self.own.longest
+            self._quiet_until[due & ~near.pairs] = now.t + longest
         self._all_quiet_until = float(self._quiet_until[self._in_sight].min(initial=np.inf))
         return near if near is not None and near.pairs.any() else None
 
     def times(self, now: FilterInput, near: Near, inputs: Sequence[Array]) -> Array:
         """Return for each input the times for which its pairs are proven safe [s], shape (k, p)."""
-        return self.own.times(now.x, np.stack(inputs), near)
+        return self.certificates.times(now.x, np.stack(inputs), near)
 
 
 class ProvenFilter:
@@ -80,36 +81,36 @@ class ProvenFilter:
         self._i, self._first, self._pairs = i, first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
         self.proofs = OwnProofs(rows, i)
-        self._own = own = self.proofs.own
-        self._provable = {i, *own.others[own.provable].tolist()}
+        self._certificates = certificates = self.proofs.certificates
+        self._provable = {i, *certificates.others[certificates.provable].tolist()}
         """Itself and the others with whom a pair can be proven: no other's row may exist."""
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply, and for how long it is proven safe."""
         filtered, near = self._first(now), self.proofs.near(now)
         if near is None:
-            found = _proven(filtered, self._own.longest)
+            result = _proven(filtered, self._certificates.longest)
         else:
-            found = self._proven_input(now, filtered, near)
-        return _proven(found, 0.0) if self.proofs.unprovable_in_sight else found
+            result = self._proven_input(now, filtered, near)
+        return _proven(result, 0.0) if self.proofs.unprovable_in_sight else result
 
     def _proven_input(self, now: FilterInput, filtered: Filtered, near: Near) -> Filtered:
         """Prove the first filter's input, or take another, as far as pairs can be proven."""
         if near.unsafe.any():
             return _proven(filtered, 0.0)
         (times,) = self.proofs.times(now, near, [filtered.decision.u])
-        first, weak = float(times.min()), times < self._own.tau
+        first, weak = float(times.min()), times < self._certificates.tau
         if not weak.any():
             return _proven(filtered, first)
         whole = self._with_whole_rows(now, filtered, weak)
         again = float(self.proofs.times(now, near, [whole.decision.u]).min())
-        if whole.decision.origin is Origin.PROVEN and again >= self._own.tau:
+        if whole.decision.origin is Origin.PROVEN and again >= self._certificates.tau:
             return _proven(whole, again)
-        known = {filtered.decision.u.tobytes(): first, whole.decision.u.tobytes(): again}
-        u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u], known)
+        least = {filtered.decision.u.tobytes(): first, whole.decision.u.tobytes(): again}
+        u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u], least)
         if longest > 0.0 and u is not filtered.decision.u:
-            made = replace(filtered.decision, u=u, origin=Origin.LONGEST, proven=longest)
-            return Filtered(made, [])
+            decision = replace(filtered.decision, u=u, origin=Origin.LONGEST, proven=longest)
+            return Filtered(decision, [])
         return _proven(filtered, first)
 
     def _with_whole_rows(self, now: FilterInput, first: Filtered, weak: Mask) -> Filtered:
@@ -128,24 +129,24 @@ class ProvenFilter:
         return Filtered(replace(decision, origin=origin), first.used)
 
     def _longest(
-        self, now: FilterInput, near: Near, inputs: Sequence[Array], known: dict[bytes, float]
+        self, now: FilterInput, near: Near, inputs: Sequence[Array], least: dict[bytes, float]
     ) -> tuple[Array, float]:
         """Search for the input with the longest least time: these, corners, and points between.
 
-        known: the least times of some of them.
+        least: the least times of some of them, by the input's bytes.
         """
         polytope: Polytope = now.terms.polytopes[self._i]
         tried = [*inputs, *polytope.corners, polytope.corners.mean(axis=0)]
         best, longest = tried[0], -1.0
         for _ in range(_ROUNDS):
-            new = [u for u in tried if u.tobytes() not in known]
+            new = [u for u in tried if u.tobytes() not in least]
             if new:
                 times = self.proofs.times(now, near, new).min(axis=1)
-                known |= {u.tobytes(): time for u, time in zip(new, times.tolist(), strict=True)}
-            least = [known[u.tobytes()] for u in tried]
-            place = int(np.argmax(least))
-            if least[place] > longest:
-                best, longest = tried[place], least[place]
+                least |= {u.tobytes(): time for u, time in zip(new, times.tolist(), strict=True)}
+            times_tried = [least[u.tobytes()] for u in tried]
+            index = int(np.argmax(times_tried))
+            if times_tried[index] > longest:
+                best, longest = tried[index], times_tried[index]
             tried = [0.5 * (best + u) for u in tried]
         return best, longest
 

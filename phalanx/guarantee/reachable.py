@@ -30,7 +30,7 @@ class _Group(NamedTuple):
 
     members: Index
     states: Index
-    """Positions of their states in x, shape (r, n)."""
+    """Indices of their states in x, shape (r, n)."""
     box: MappedFunction | None
     """x -> least and largest of each component of p; None if unknown."""
 
@@ -53,12 +53,14 @@ class ReachableBoxes:
                 self._low[k] = self._high[k] = obstacle.center
         self._groups = []
         for number, group in enumerate(scenario.agents):
-            own = np.array([i for i, other in enumerate(swarm.groups) if other is group])
+            agents = np.array([i for i, other in enumerate(swarm.groups) if other is group])
             horizon = MULTIPLES[0] * tau + self._lasting
-            states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
-            made = partial(_box, swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
-            box = swarm.functions.get(("reachable box", number, horizon), made)
-            self._groups.append(_Group(own, states, box))
+            states = np.array([np.r_[swarm.safe_set.parts[i]] for i in agents])
+            compiled = partial(
+                _box, swarm, int(agents[0]), group.disturbance.bound + DEFECT, horizon
+            )
+            box = swarm.functions.get(("reachable box", number, horizon), compiled)
+            self._groups.append(_Group(agents, states, box))
 
     def near(self, i: int, others: Index, t: float, x: Array) -> Mask:
         """Return which others agent i may meet within a certificate's longest horizon, shape (r,).
@@ -94,9 +96,9 @@ def _box(swarm: Swarm, i: int, bound: float, horizon: float) -> MappedFunction |
     try:
         reach = reach_within(member, x, bound, horizon)
         p = ca.vertsplit(member.dynamics.position(x))
-        found = extend(p, scalars([x]), reach.states)
+        components = extend(p, scalars([x]), reach.states)
     except (ValueError, UnboundedOperationError):
         return None
-    low = [ca.if_else(reach.certain, each.lo, -ca.inf) for each in found]
-    high = [ca.if_else(reach.certain, each.hi, ca.inf) for each in found]
+    low = [ca.if_else(reach.certain, p_k.lo, -ca.inf) for p_k in components]
+    high = [ca.if_else(reach.certain, p_k.hi, ca.inf) for p_k in components]
     return MappedFunction([x], [ca.vertcat(*low, *high)])

@@ -81,10 +81,10 @@ def _effort(rows: SafetyRows, i: int, x: Array) -> float:
 def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     """Return whether K_i(x) is non-empty, with nothing received."""
     rows = rows.seen_by(i)
-    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
-    terms = rows.terms(i)(x, seen)
+    swarm, visible = rows.swarm, rows.swarm.seen(i, x)
+    terms = rows.terms(i)(x, visible)
     if swarm.safety.pairwise:
-        return _pairs_feasible(rows.pair_terms(i)(x, seen, swarm.sharing), terms.polytopes[i])
+        return _pairs_feasible(rows.pair_terms(i)(x, visible, swarm.sharing), terms.polytopes[i])
     return joint_sum(terms, swarm.sharing or (i,)) <= 0
 
 
@@ -107,8 +107,8 @@ def _solvable(inputs: Polytope, rows: Rows) -> bool:
     from scipy.optimize import linprog
 
     A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
-    found = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
-    return bool(found.status == 0)
+    result = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
+    return bool(result.status == 0)
 
 
 class ProvenRows:
@@ -116,9 +116,9 @@ class ProvenRows:
 
     def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
         """rows: from rigorous()."""
-        self._x, self._seen, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
+        self._x, self._visible, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
         self._terms = rows.pair_terms_of_gap(i)
-        self._inputs = rows.terms(i)(x, self._seen).polytopes[i]
+        self._inputs = rows.terms(i)(x, self._visible).polytopes[i]
 
     def margin(self, gap: float) -> float:
         """Return the largest margin of any row."""
@@ -129,7 +129,7 @@ class ProvenRows:
         return _pairs_feasible(self._at(gap), self._inputs)
 
     def _at(self, gap: float) -> PairTerms:
-        return self._terms(self._x, self._seen, self._sharing, [gap])
+        return self._terms(self._x, self._visible, self._sharing, [gap])
 
 
 def largest_gap(rows: Sequence[ProvenRows]) -> float | None:
@@ -189,20 +189,20 @@ def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
     ends, sorts, numbers = certificates.ends, swarm.pair_sorts, swarm.pairs.numbers(x)
     bounds = list[tuple[Index, MappedFunction, Index]]()
     for sort in np.unique(sorts).tolist():
-        which = np.flatnonzero(sorts == sort)
-        alone = swarm.pairs.alone(*ends[which[0]].tolist())
+        pairs = np.flatnonzero(sorts == sort)
+        alone = swarm.pairs.alone(*ends[pairs[0]].tolist())
         # Of any time: an expression is built once, and evaluated for each.
         within = highest_within(alone, certificates.bounds(alone), time)
         highest = MappedFunction([alone.x, alone.parameters, time], [within])
-        indices = spread(swarm.pairs.begin, ends[which], alone.sizes)
+        indices = spread(swarm.pairs.begin, ends[pairs], alone.sizes)
         with_time = np.insert(indices, indices.shape[1], len(numbers), axis=1)
-        bounds.append((which, highest, with_time))
+        bounds.append((pairs, highest, with_time))
 
     def unproven(until: float) -> Index:
-        given, found = np.append(numbers, until), [np.empty(0, dtype=np.intp)]
-        for which, highest, indices in bounds:
-            found.append(which[~(highest(given, indices)[:, 0] <= 0.0)])
-        return np.sort(np.concatenate(found))
+        values, indices = np.append(numbers, until), [np.empty(0, dtype=np.intp)]
+        for pairs, highest, variables in bounds:
+            indices.append(pairs[~(highest(values, variables)[:, 0] <= 0.0)])
+        return np.sort(np.concatenate(indices))
 
     return unproven
 
@@ -229,7 +229,7 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
     certificates = SwarmCertificates(swarm)
     agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
-    refused, reasons = {}, {i: each.refused for i, each in agents.items()}
+    refused, reasons = {}, {i: proofs.refused for i, proofs in agents.items()}
     for number, pair in enumerate(composed.pairs):
         sides = [reasons[l] for l in (pair.a, pair.b) if l in agents]
         if all(number in side for side in sides):
@@ -255,7 +255,7 @@ def longest_certificate(swarm: Swarm, i: int, x: Array) -> float:
     inputs = [np.zeros(len(dynamics.inputs))]
     if not swarm.time.latency:
         state = ca.SX.sym("x", len(dynamics.states))
-        known = constant_polytope(*dynamics.input_polytope(state))
-        inputs += [] if known is None else list(known.corners)
+        polytope = constant_polytope(*dynamics.input_polytope(state))
+        inputs += [] if polytope is None else list(polytope.corners)
     certified = [certificates(x, u)[certificates.provable] for u in inputs]
     return max(float(times.min(initial=certificates.longest)) for times in certified)

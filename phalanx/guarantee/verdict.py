@@ -35,26 +35,26 @@ class Punctuality(msgspec.Struct):
     measured: list[Percentiles]
 
 
-def timing_rows(found: Punctuality) -> list[tuple[str, str]]:
+def timing_rows(punctuality: Punctuality) -> list[tuple[str, str]]:
     """Return each figure as a text with its name."""
     return [
-        ("samples missed", f"{found.missed}; {found.samples} taken"),
-        ("samples unanswered", str(found.unanswered)),
-        ("inputs late", str(found.late)),
+        ("samples missed", f"{punctuality.missed}; {punctuality.samples} taken"),
+        ("samples unanswered", str(punctuality.unanswered)),
+        ("inputs late", str(punctuality.late)),
         *(
             (m.name, " ms, ".join(
                 f"{name} {1e3 * value:.2f}"
                 for name, value in (("p50", m.p50), ("p99", m.p99), ("max", m.most))
             ) + " ms")
-            for m in found.measured
+            for m in punctuality.measured
         ),
     ]  # fmt: skip
 
 
 def percentiles(name: str, seconds: Sequence[float]) -> Percentiles:
     """Summarize a list of times; zeros if it is empty."""
-    found = np.percentile(seconds, [50, 99, 100]).tolist() if len(seconds) else [0.0] * 3
-    return Percentiles(name, len(seconds), *found)
+    values = np.percentile(seconds, [50, 99, 100]).tolist() if len(seconds) else [0.0] * 3
+    return Percentiles(name, len(seconds), *values)
 
 
 class Outcome(StrEnum):
@@ -97,8 +97,8 @@ class Assumption(msgspec.Struct):
         if all(holds):
             self.checked += len(holds)
             return
-        for each, t in zip(holds, times, strict=True):
-            self.check(each, t)
+        for outcome, t in zip(holds, times, strict=True):
+            self.check(outcome, t)
 
 
 class CertificateSummary(msgspec.Struct):
@@ -149,16 +149,18 @@ class TrustSummary(msgspec.Struct):
     @property
     def false(self) -> int:
         """Number of convictions of agents that held what they announced."""
-        return sum(each.after is None for each in self.convictions)
+        return sum(conviction.after is None for conviction in self.convictions)
 
     @property
     def rows(self) -> list[tuple[str, str]]:
         """Return each figure as a text with its name."""
-        found = [each for each in self.convictions if each.after is not None]
-        fastest = {each.of: min(f.after or 0.0 for f in found if f.of == each.of) for each in found}
+        fastest: dict[str, float] = {}
+        for c in self.convictions:
+            if c.after is not None:
+                fastest[c.of] = min(c.after, fastest.get(c.of, c.after))
         betrayals = ", ".join(f"{name} from {t:.3f} s on" for name, t in self.betrayals.items())
         delays = ", ".join(f"{name} after {1e3 * t:.0f} ms" for name, t in fastest.items())
-        count, by = len(self.convictions), len({each.by for each in self.convictions})
+        count, by = len(self.convictions), len({c.by for c in self.convictions})
         return [
             ("betrayals", betrayals or "none"),
             ("convictions", f"{count} by {by} agent{'s' * (by != 1)}"),
@@ -276,10 +278,13 @@ class Summary(msgspec.Struct):
     @property
     def on_theorem(self) -> str:
         """Sentence on the paper's theorem, which a guarantee does not need; else empty."""
-        failed = _counts([a for a in self.theorem if a.failed])
+        failed = [a for a in self.theorem if a.failed]
         if self.outcome is not Outcome.GUARANTEED or not failed:
             return ""
-        return f"Assumptions of the paper's theorem, which this does not rest on, failed: {failed}."
+        counts = ", ".join(f"{a.name} failed in {a.failed} of {a.checked} checks" for a in failed)
+        return (
+            f"Proven by certificates. The paper's theorem alone would not have sufficed: {counts}."
+        )
 
     @property
     def notes(self) -> list[str]:
@@ -302,13 +307,15 @@ def read_summary(written: bytes) -> Summary:
 
 def certified(summary: Summary) -> str:
     """Return the counts of certificates as a text."""
-    found = summary.certificates
-    if found.shortest is None:
+    counts = summary.certificates
+    if counts.shortest is None:
         return "no input was applied"
-    share = f"{found.certified} of {found.samples} inputs, the shortest for {found.shortest:.2f} τ"
-    if found.uncovered is None or found.uncovered_at is None:
+    share = (
+        f"{counts.certified} of {counts.samples} inputs, the shortest for {counts.shortest:.2f} τ"
+    )
+    if counts.uncovered is None or counts.uncovered_at is None:
         return share
-    return f"{share}; {found.uncovered} without one from t = {found.uncovered_at:.3f} s on"
+    return f"{share}; {counts.uncovered} without one from t = {counts.uncovered_at:.3f} s on"
 
 
 def exit_status(outcome: Outcome, strict: bool = False) -> int:

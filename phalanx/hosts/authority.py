@@ -31,7 +31,7 @@ class Authority:
     def new(cls, valid: datetime.timedelta) -> Self:
         """Make an authority; the identities that it signs expire with it."""
         key = new_key()
-        name = _named("phalanx run")
+        name = _common_name("phalanx run")
         now = datetime.datetime.now(datetime.UTC)
         certificate = (
             _builder(name, name, key.public_key())
@@ -53,11 +53,11 @@ class Authority:
 
         hosts: names and addresses of a hub; without them the identity cannot be used by a hub.
         """
-        own = self._certificate
+        issuer = self._certificate
         builder = (
-            _builder(_named(name), own.subject, key)
-            .not_valid_before(own.not_valid_before_utc)
-            .not_valid_after(own.not_valid_after_utc)
+            _builder(_common_name(name), issuer.subject, key)
+            .not_valid_before(issuer.not_valid_before_utc)
+            .not_valid_after(issuer.not_valid_after_utc)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs_certificates=False), critical=True)
         )
@@ -95,10 +95,10 @@ def make_identities(
         raise FileExistsError(f"{folder}: expected a folder that is new or empty")
     authority, hub_hosts = Authority.new(valid), tuple(hosts)
     for name in names:
-        (own := folder / name).mkdir(mode=0o700)
+        (identity := folder / name).mkdir(mode=0o700)
         key = new_key()
         write_identity(
-            own,
+            identity,
             authority.certificate,
             authority.sign(name, key.public_key(), hub_hosts if name in HUBS else ()),
             private_pem(key),
@@ -154,7 +154,7 @@ def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
     )
 
 
-def _named(name: str) -> x509.Name:
+def _common_name(name: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
 
 

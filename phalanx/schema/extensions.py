@@ -58,9 +58,9 @@ def extras_named() -> Iterator[None]:
 
 def extension(name: str) -> Any:
     """Load the extension of this name. Raises MissingExtensionError, or as its import does."""
-    for found in entry_points(group=EXTENSIONS, name=name):
+    for entry in entry_points(group=EXTENSIONS, name=name):
         with extras_named():
-            return found.load()
+            return entry.load()
     raise MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
 
 
@@ -80,8 +80,8 @@ class Registered(NamedTuple):
 
 def commands() -> list[Registered]:
     """Return all entries in the order of names, other packages' after ours."""
-    found = [_loaded(entry) for entry in entry_points(group=COMMANDS)]
-    return sorted(found, key=lambda entry: (not entry.ours, entry.name))
+    entries = [_loaded(entry) for entry in entry_points(group=COMMANDS)]
+    return sorted(entries, key=lambda entry: (not entry.ours, entry.name))
 
 
 def _loaded(entry: EntryPoint) -> Registered:

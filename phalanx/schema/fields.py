@@ -111,10 +111,10 @@ class Distribution(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        given = [each for each in (self.uniform, self.log_uniform, self.choice) if each is not None]
-        if len(given) != 1:
+        kinds = [kind for kind in (self.uniform, self.log_uniform, self.choice) if kind is not None]
+        if len(kinds) != 1:
             raise ValueError("expected one of uniform, log-uniform and choice")
-        if self.choice is None and not given[0][0] < given[0][1]:
+        if self.choice is None and not kinds[0][0] < kinds[0][1]:
             raise ValueError("expected the least value first, then the largest")
         if self.log_uniform and self.log_uniform[0] <= 0.0:
             raise ValueError("expected positive values for log-uniform")
@@ -158,7 +158,7 @@ def built(field: str | int, kind: type, table: Table) -> Any:
 
 
 def _message(message: str, kind: type, table: Table) -> str:
-    """Return pydantic's message, with the fields of a user's class for one that it has not."""
+    """Return pydantic's message, ; for an unknown field of a user's class, list those it has."""
     if message.startswith("Tuple should have"):
         return f"expected{message.partition('have')[2].partition(' after')[0]}"
     if message != "Unexpected keyword argument" or not is_users(table):

@@ -50,10 +50,10 @@ def lookup(kind: type, name: str) -> type:
         )
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
-    found: type = import_named(name)
-    if mistake := _mistake_in(kind, found):
+    cls: type = import_named(name)
+    if mistake := _mistake_in(kind, cls):
         raise ValueError(f"expected a dataclass that is a {kind.__name__}{mistake}")
-    return found
+    return cls
 
 
 def part_of_agent(option: str) -> Any:
@@ -70,27 +70,27 @@ def _installed(kind: type) -> Mapping[str, str]:
     return {entry.name: entry.value for entry in entry_points(group=f"phalanx.{kind.__name__}")}
 
 
-def _mistake_in(kind: type, found: Any) -> str:
+def _mistake_in(kind: type, value: Any) -> str:
     """Return what keeps a user's object from being a dataclass of a kind; empty if nothing."""
-    if not inspect.isclass(found):
-        return f", not a {type(found).__name__}"
-    place, members = located_class(found), _members(kind)
-    missing = [m for m in members if not hasattr(found, m) and m not in _fields(found)]
+    if not inspect.isclass(value):
+        return f", not a {type(value).__name__}"
+    location, members = located_class(value), _members(kind)
+    missing = [m for m in members if not hasattr(value, m) and m not in _fields(value)]
     if missing:
-        return f": {place} lacks {', '.join(_call(vars(kind)[m], m) for m in missing)}"
-    if not dataclasses.is_dataclass(found):
-        return f": write @dataclass above {place}"
+        return f": {location} lacks {', '.join(_call(vars(kind)[m], m) for m in missing)}"
+    if not dataclasses.is_dataclass(value):
+        return f": write @dataclass above {location}"
     for name in members:
-        wanted, own = vars(kind)[name], inspect.getattr_static(found, name, None)
-        if inspect.isfunction(wanted) and inspect.isfunction(own) and not _accepts(own, wanted):
-            return f": {place} has {_call(own, name)}, write {_call(wanted, name)}"
+        model, method = vars(kind)[name], inspect.getattr_static(value, name, None)
+        if inspect.isfunction(model) and inspect.isfunction(method) and not _accepts(method, model):
+            return f": {location} has {_call(method, name)}, write {_call(model, name)}"
     return ""
 
 
-def _accepts(method: Callable[..., Any], wanted: Callable[..., Any]) -> bool:
+def _accepts(method: Callable[..., Any], model: Callable[..., Any]) -> bool:
     """Return whether a method can be called with the arguments of another."""
     try:
-        inspect.signature(method).bind(*inspect.signature(wanted).parameters)
+        inspect.signature(method).bind(*inspect.signature(model).parameters)
     except TypeError:
         return False
     return True
@@ -122,7 +122,7 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     if kind not in _EXPRESSIONS:
         return _separate(guarded, fields)
     instance = guarded(**copy.deepcopy(fields))
-    object.__setattr__(instance, "_given", fields)
+    object.__setattr__(instance, "_arguments", fields)
     return instance
 
 
@@ -147,18 +147,18 @@ def as_table(value: Any) -> Any:
             f"expected a class that has a name in its module: {cls.__qualname__} is made in a "
             "function, so no other program and no recording can name it"
         )
-    given = {f.name: getattr(value, f.name) for f in dataclasses.fields(cls) if f.init}
+    fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(cls) if f.init}
     home = f"{cls.__module__}:{cls.__qualname__}"
     registered = [*BUILT_IN.values(), *map(_installed, PACKAGES)]
-    short = {home: name for known in registered for name, home in known.items()}
-    return {"type": short.get(home, home), **{k: _plain(cls, k, v) for k, v in given.items()}}
+    short = {home: name for homes in registered for name, home in homes.items()}
+    return {"type": short.get(home, home), **{k: _plain(cls, k, v) for k, v in fields.items()}}
 
 
 def _plain(cls: type, field: str, value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [_plain(cls, field, each) for each in value]
+        return [_plain(cls, field, item) for item in value]
     if isinstance(value, Mapping):
-        return {str(key): _plain(cls, field, each) for key, each in value.items()}
+        return {str(key): _plain(cls, field, item) for key, item in value.items()}
     if isinstance(value, bool | int | float | str) or dataclasses.is_dataclass(value):
         return as_table(value)
     raise ValueError(
@@ -201,15 +201,15 @@ def _separate(cls: type, fields: Mapping[str, Any]) -> Any:
         for name, value in every.items()
         if not name.startswith("__") and not hasattr(value, "__get__")
     }
-    given = {**dict(_copied(defaults)), **copy.deepcopy(dict(fields))}
-    return _subclass(cls, dict(_copied(attributes)))(**given)
+    arguments = {**dict(_copied(defaults)), **copy.deepcopy(dict(fields))}
+    return _subclass(cls, dict(_copied(attributes)))(**arguments)
 
 
 @cache
 def _guarded(kind: type, cls: type) -> type:
     """Make a class whose objects guard each call of a method of the kind.
 
-    A call of an object with `_given` runs on a new object, made of these fields.
+    A call of an object with `_arguments` runs on a new object, made of these fields.
     """
 
     def guard(name: str) -> Callable[..., Any]:
@@ -218,9 +218,9 @@ def _guarded(kind: type, cls: type) -> type:
         @functools.wraps(getattr(cls, name))
         def run(self: Any, *arguments: Any) -> Any:
             def call() -> Any:
-                # The constructor may call the method before `_given` is set.
-                pure = "_given" in vars(self)
-                target = _separate(cls, self._given) if pure else super(made, self)
+                # The constructor may call the method before `_arguments` is set.
+                pure = "_arguments" in vars(self)
+                target = _separate(cls, self._arguments) if pure else super(guarded, self)
                 return getattr(target, name)(*arguments)
 
             result = call_user(self, name, call)
@@ -229,8 +229,8 @@ def _guarded(kind: type, cls: type) -> type:
         return run
 
     names = [*_members(kind), *_OPTIONAL.get(kind, ())]
-    made = _subclass(cls, {n: guard(n) for n in names if callable(getattr(cls, n, None))})
-    return made
+    guarded = _subclass(cls, {n: guard(n) for n in names if callable(getattr(cls, n, None))})
+    return guarded
 
 
 def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:

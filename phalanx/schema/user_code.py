@@ -66,21 +66,23 @@ def import_named(name: str) -> Any:
 
 def _hint(module: str, attribute: str) -> str:
     """Return the module or name that was probably meant, in words; empty if none is similar."""
-    found = sys.modules.get(module)
-    known = [file.stem for file in Path.cwd().glob("*.py")] if found is None else list(vars(found))
-    wanted = module if found is None else attribute
-    close = [] if wanted in known else difflib.get_close_matches(wanted, known, n=1)
+    imported = sys.modules.get(module)
+    if imported is None:
+        name, names = module, [file.stem for file in Path.cwd().glob("*.py")]
+    else:
+        name, names = attribute, list(vars(imported))
+    close = [] if name in names else difflib.get_close_matches(name, names, n=1)
     if not close:
         return ""
-    meant = f"{close[0]}:{attribute}" if found is None else f"{module}:{close[0]}"
-    file = getattr(found, "__file__", None) or f"{close[0]}.py"
+    meant = f"{close[0]}:{attribute}" if imported is None else f"{module}:{close[0]}"
+    file = getattr(imported, "__file__", None) or f"{close[0]}.py"
     return f"; did you mean {meant} ({Path(file).name})?"
 
 
 def imported_sources(table: Any = None) -> dict[str, bytes]:
     """Return sources by path, imported for the names in a scenario's table; all by default."""
-    named = {name.partition(":")[0] for name in _names(table)}
-    modules = list(_sources) if table is None else sorted(named)
+    of_table = {name.partition(":")[0] for name in _names(table)}
+    modules = list(_sources) if table is None else sorted(of_table)
     return {path: text for module in modules for path, text in _sources.get(module, {}).items()}
 
 
@@ -100,8 +102,8 @@ def _names(table: Any) -> Iterator[str]:
         if isinstance(table.get("type"), str):
             yield table["type"]
         table = list(table.values())
-    for each in table if isinstance(table, list) else ():
-        yield from _names(each)
+    for item in table if isinstance(table, list) else ():
+        yield from _names(item)
 
 
 _LIBRARIES = ("site-packages", "dist-packages")
@@ -123,8 +125,8 @@ def sources_of(module: str) -> dict[str, bytes]:
     cannot be read, are left out.
     """
     root = _root(module)
-    found: dict[str, bytes] = {}
-    waiting, seen = [module], {module}
+    sources: dict[str, bytes] = {}
+    waiting, visited = [module], {module}
     while root and waiting:
         name = waiting.pop()
         related = root.name not in _LIBRARIES or _top(name) == _top(module)
@@ -133,12 +135,12 @@ def sources_of(module: str) -> dict[str, bytes]:
         path = name.replace(".", "/")
         for at, package in ((f"{path}/__init__.py", name), (f"{path}.py", name.rpartition(".")[0])):
             with contextlib.suppress(OSError):
-                found[at] = (root / at).read_bytes()
-                new = {*_above(name), *_imported_by(found[at], package)} - seen
+                sources[at] = (root / at).read_bytes()
+                new = {*_above(name), *_imported_by(sources[at], package)} - visited
                 waiting += sorted(new)
-                seen |= new
+                visited |= new
                 break
-    return found
+    return sources
 
 
 def _root(module: str) -> Path | None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phalanx.guarantee.certificates import Held, SwarmCertificates
+from phalanx.guarantee.certificates import HeldInput, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
@@ -59,7 +59,7 @@ class Coverage:
         The inputs are in the order of their times. An adversary's array is empty.
         """
         held = [
-            Held(self._agents[event.i], event.x, event.u, self._near(event))
+            HeldInput(self._agents[event.i], event.x, event.u, self._near(event))
             for event in applied
             if event.i in self._agents
         ]

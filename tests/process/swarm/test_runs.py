@@ -40,8 +40,8 @@ def test_simulation_1_as_printed_ends_guaranteed_and_says_what_the_theorem_is_sh
     assert status == 0
     *_, theorem, verdict = output.splitlines()
     assert "guaranteed: every pair was proven safe at every instant" in verdict
-    assert theorem.startswith("Assumptions of the paper's theorem, which this does not rest on")
-    assert "proven margin" in theorem
+    assert theorem.startswith("Proven by certificates. The paper's theorem alone would not have")
+    assert "proven margin failed in 1 of 1 checks" in theorem
 
 
 def test_strict_turns_safe_into_a_failure(phalanx):

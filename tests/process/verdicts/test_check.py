@@ -7,7 +7,7 @@ import pytest
 
 from phalanx.guarantee.check import check
 from phalanx.guarantee.check_report import CheckReport
-from phalanx.guarantee.formula import Region, constants, drawn_states
+from phalanx.guarantee.formula import Region, constants, random_states
 from phalanx.guarantee.proof_gaps import alpha_advice, proof_gaps
 from phalanx.guarantee.start import rows_at_start
 from phalanx.scenario.load import load
@@ -137,7 +137,7 @@ def test_other_seeds_ask_other_states_and_the_same_seed_the_same():
     low, high = np.array([0.0, -1.0, 5.0, 5.0]), np.array([1.0, 1.0, 5.5, 9.0])
 
     def draw_states(seed: int, purpose: str) -> np.ndarray:
-        return np.array(list(drawn_states(seed, purpose, low, high, 300)))
+        return np.array(list(random_states(seed, purpose, low, high, 300)))
 
     states = draw_states(0, "inside")
     assert (states == draw_states(0, "inside")).all()

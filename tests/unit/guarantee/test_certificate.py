@@ -14,7 +14,7 @@ from phalanx.guarantee.certificate import (
     PairCertificate,
     pair_certificate,
 )
-from phalanx.guarantee.certificates import Held, SwarmCertificates
+from phalanx.guarantee.certificates import HeldInput, SwarmCertificates
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -260,7 +260,7 @@ def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng)
         agent, inputs = every.of(i), len(swarm.members[i].dynamics.inputs)
         x = 0.2 * swarm.start() + rng.uniform(-3, 3, swarm.safe_set.x.numel())
         near = None if i % 2 else rng.random(len(agent.pairs)) < 0.5
-        held.append(Held(agent, x, rng.uniform(-1, 1, inputs), near))
+        held.append(HeldInput(agent, x, rng.uniform(-1, 1, inputs), near))
     for each, found in zip(held, every.proven(held), strict=True):
         assert (found == each.agent(each.x, each.u, each.near)).all()
         assert found.shape == (len(each.agent.pairs),)

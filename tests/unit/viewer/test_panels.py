@@ -58,9 +58,9 @@ def test_a_guarantee_is_one_sentence_and_the_theorem_another(violated: Replay) -
     summary = msgspec.structs.replace(violated.summary, outcome=outcome, reason=reason)
     text = verdict_text(violated.frame(violated.end), summary, "")
     assert "<b>guaranteed</b>: every pair was proven safe at every instant</p>" in text
-    theorem = "Assumptions of the paper's theorem, which this does not rest on, failed: non-empty"
+    theorem = "Proven by certificates. The paper's theorem alone would not have sufficed: non-empty"
     assert html.escape(theorem) in text
-    assert "Assumptions of the paper" not in verdict_text(violated.frame(0.0), violated.summary, "")
+    assert "Proven by certificates" not in verdict_text(violated.frame(0.0), violated.summary, "")
 
 
 def test_a_failed_assumption_is_worded_as_a_failure(violated: Replay) -> None:
