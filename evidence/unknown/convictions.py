@@ -7,7 +7,7 @@ import argparse
 
 import numpy as np
 
-from phalanx.guarantee.certificate import DEFECT
+from phalanx.swarm.swarm import DEFECT
 from phalanx.theory.trust.motion import MotionCheck
 from tests.unit.theory.trust.test_motion import DYNAMICS
 from tests.unit.theory.trust.windows import windows

@@ -36,10 +36,6 @@ MULTIPLES = (8.0, 4.0, 2.0, 1.0 + 1e-9)
 periods are rounded, and a certificate must last until the next input."""
 
 
-DEFECT = 1e-4
-"""Bound on the integration error of the plant's motion, as a disturbance [1/s]."""
-
-
 @dataclass(frozen=True)
 class PairCertificate:
     """Compiled certificate of pairs of one kind, for agent i in them."""

@@ -9,14 +9,13 @@ import casadi as ca
 import numpy as np
 
 from phalanx.guarantee.certificate import (
-    DEFECT,
     MULTIPLES,
     PairCertificate,
     highest_within,
     least_now,
     pair_certificate,
 )
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.certificate import DEFECT, MULTIPLES, reach_within
-from phalanx.swarm.swarm import Swarm
+from phalanx.guarantee.certificate import MULTIPLES, reach_within
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
@@ -56,9 +56,8 @@ class ReachableBoxes:
             agents = np.array([i for i, other in enumerate(swarm.groups) if other is group])
             horizon = MULTIPLES[0] * tau + self._lasting
             states = np.array([np.r_[swarm.safe_set.parts[i]] for i in agents])
-            compiled = partial(
-                _box, swarm, int(agents[0]), group.disturbance.bound + DEFECT, horizon
-            )
+            bound = group.disturbance.bound + DEFECT
+            compiled = partial(_box, swarm, int(agents[0]), bound, horizon)
             box = swarm.functions.get(("reachable box", number, horizon), compiled)
             self._groups.append(_Group(agents, states, box))
 

@@ -29,6 +29,9 @@ from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
 
+DEFECT = 1e-4
+"""Bound on the integration error of the plant's motion, as a disturbance [1/s]."""
+
 
 class Broadcaster(NamedTuple):
     """Properties of a normal agent's broadcasts that are known before the run."""

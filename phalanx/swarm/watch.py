@@ -6,13 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.network.inbox import Conviction, SentInput
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.trust.motion import MotionCheck
 
-DEFECT = 1e-4
-"""Bound on the plant's integration error, as a disturbance [1/s]."""
 _MOST = 64
 """Windows and broadcasts of one agent that are kept: later ones replace the oldest."""
 

@@ -6,12 +6,11 @@ apply depends on the scenario; some apply only after they failed.
 
 import numpy as np
 
-from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.verdict import Assumption
 from phalanx.messages.kinds import Telemetry
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.swarm import DEFECT
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.relevant_pairs import RelevantPairs

@@ -13,8 +13,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.certificate import DEFECT
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from phalanx_plant.world.resolution import Resolution, Roundings
 from phalanx_plant.world.world import Segment, World
 
-from phalanx.guarantee.certificate import DEFECT
+from phalanx.swarm.swarm import DEFECT
 from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from examples.bicycles import Bicycle
 from examples.planar_quadrotors import PlanarQuadrotor
-from phalanx.guarantee.certificate import DEFECT
+from phalanx.swarm.swarm import DEFECT
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
