@@ -187,7 +187,7 @@ def _sampling(report: CheckReport) -> Finding:
 
 def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     """Find why rows should not use received inputs, if they do."""
-    model, setting = swarm.safety.information_model, swarm.safety.information_setting
+    model = swarm.safety.information_model
     delays = [str(rule) for field, rule in swarm.scenario.network.fields() if field == DELAY]
     unlimited = math.isinf(report.largest_delay)
     allowed = "any" if unlimited else f"at most {rounded(1e3 * report.largest_delay)} ms"
@@ -196,16 +196,16 @@ def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     words = [model.advice] if model.advice and len(swarm.normal) > 1 else []
     if turned := _trusted_attackers(swarm):
         words.append(
-            f"Declared faults make adversaries of {', '.join(turned)}, and {setting} counts on "
-            "what normal agents do: each agent's row holds, but not the joint condition. Take "
-            "safety.information = 'unknown'."
+            f"Declared faults make adversaries of {', '.join(turned)}, and rows count on what "
+            f"normal agents do ({model.label}): each agent's row holds, but not the joint "
+            "condition. Take safety.information = 'unknown'."
         )
     if liars := _believed_liars(swarm):
         words.append(
             f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
-            f"applied, and {setting} uses these claims: each agent's row holds, but not the joint "
-            "condition. Take 'split' with pairs, which uses no received inputs, or 'unknown', "
-            "where rows hold even if others violate theirs."
+            f"applied, and rows use these claims ({model.label}): each agent's row holds, but not "
+            "the joint condition. Take 'split' with pairs, which uses no received inputs, or "
+            "'unknown', where rows hold even if others violate theirs."
         )
     return Finding(row, words)
 

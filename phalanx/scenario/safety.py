@@ -145,13 +145,6 @@ class Safety(Strict):
         """Assumptions of rows on the other normal agents' inputs."""
         return Together if self.centralised else self._named
 
-    @property
-    def information_setting(self) -> str:
-        """The field that decides the information model, as in "safety.information = 'split'"."""
-        if self.centralised:
-            return f"safety.control = '{self.control}'"
-        return f"safety.information = '{self.information}'"
-
     def build_information(self, unchanged: Mapping[int, float]) -> Information:
         """Build the information model; unchanged: Γ_l - δ_l^max of each normal agent [s]."""
         return self.information_model(unchanged, self.silence)
