@@ -76,7 +76,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
     for violation in summary.excluded:  # no normal agent is left in it
         if violation.pair not in counted:
             del highest[violation.pair]
-    tau = max(swarm.horizon(i) for i in swarm.normal)
+    tau = swarm.longest_horizon
     pairs = {l: robustness(h / scales[l], remaining[l] / tau) for l, h in highest.items()}
     return Evaluation(swarm, summary, recording, pairs)
 

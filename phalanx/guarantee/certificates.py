@@ -247,12 +247,12 @@ class AgentCertificates:
         groups = [_Group(g.kind, g.pairs[m], g.variables[m]) for g, m in masks if m.any()]
         return [(group, group.kind.highest.at(group.variables)) for group in groups]
 
-    def times(self, x: Array, inputs: Array, near: Near) -> Array:
+    def times(self, x: Array, inputs: Sequence[Array], near: Near) -> Array:
         """Return for each input the times for which pairs are proven safe [s], shape (k, p).
 
         Args:
             x: shape (n̄,).
-            inputs: shape (k, m_i).
+            inputs: k inputs of shape (m_i,).
             near: at x; all other pairs are safe for the longest horizon.
         """
         numbers = self._swarm.pairs.numbers(x)

@@ -89,7 +89,7 @@ def check(
         eta_local={normal[i]: proof.margin(swarm.horizon(i)) for i, proof in proven.items()},
         rows_at_start=rows_at_start(rows),
         boundary=condition,
-        horizon=max(swarm.horizon(i) for i in normal),
+        horizon=swarm.longest_horizon,
         largest_gap=largest_gap(list(proven.values())) if proven else None,
         largest_delay=model.longest_delay if len(normal) > 1 else math.inf,
         gaps=proof_gaps(swarm),

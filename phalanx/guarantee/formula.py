@@ -123,7 +123,7 @@ def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
     states = np.concatenate([np.r_[composed.parts[l]] for l in numbers])
     bounds = [swarm.disturbance_bounds[m.name] for m in chain.set.members]
     by_name = constants(chain, Region(*[x[..., states] for x in region]), bounds)
-    longest = max(swarm.horizon(i) for i in swarm.normal)
+    longest = swarm.longest_horizon
     margin = MarginConstants(**{name: constant.value for name, constant in by_name.items()})
     sampling, whole = margin.eta(longest, 0.0), margin.eta(longest, sum(bounds))
     return Formula(by_name, whole if chain.relative_degree == 1 else sampling, whole)

@@ -16,7 +16,7 @@ def proof_gaps(swarm: Swarm) -> list[str]:
     Those checked in a run, such as the sampling gap and the age of û, are not included.
     """
     safety = swarm.safety
-    steepest = _steepest(swarm) / _longest(swarm)
+    steepest = _steepest(swarm) / swarm.longest_horizon
     others = [n for n, group in zip(swarm.names, swarm.groups, strict=True) if group.controller]
     gaps = {
         f"a controller of their own, not the paper's filter, decides for {', '.join(others)}: "
@@ -56,7 +56,7 @@ def alpha_advice(swarm: Swarm) -> list[str]:
         fault = "steep: it lets h reach its limit before the agent samples again"
     else:
         return []
-    longest = _longest(swarm)
+    longest = swarm.longest_horizon
     return [
         f"The last of safety.alpha, {steepness / longest:.3g}, is {fault}. Where an input is in "
         f"force for up to τ = {longest * 1e3:.3g} ms, "
@@ -67,14 +67,9 @@ def alpha_advice(swarm: Swarm) -> list[str]:
 def _steepness(swarm: Swarm) -> float:
     """Return κ τ; the recommended one if α_q is not linear."""
     alpha = swarm.safety.class_k[-1]
-    return alpha.gain * _longest(swarm) if isinstance(alpha, Linear) else _RECOMMENDED
+    return alpha.gain * swarm.longest_horizon if isinstance(alpha, Linear) else _RECOMMENDED
 
 
 def _steepest(swarm: Swarm) -> float:
     """Return the largest κ τ that is proven with the integrated margin."""
     return STEEPEST[RowPart.HALF if len(swarm.sharing) > 1 else RowPart.WHOLE]
-
-
-def _longest(swarm: Swarm) -> float:
-    """Return the largest τ of all normal agents [s]."""
-    return max(swarm.horizon(i) for i in swarm.normal)

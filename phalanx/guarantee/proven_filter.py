@@ -68,10 +68,6 @@ class OwnProofs:
         self._all_quiet_until = float(self._quiet_until[self._in_sight].min(initial=np.inf))
         return near if near is not None and near.pairs.any() else None
 
-    def times(self, now: FilterInput, near: Near, inputs: Sequence[Array]) -> Array:
-        """Return for each input the times for which its pairs are proven safe [s], shape (k, p)."""
-        return self.certificates.times(now.x, np.stack(inputs), near)
-
 
 class ProvenFilter:
     """A filter whose inputs the agent's own certificates cover until its next sample, if any do."""
@@ -98,12 +94,12 @@ class ProvenFilter:
         """Prove the first filter's input, or take another, as far as pairs can be proven."""
         if near.unsafe.any():
             return _proven(filtered, 0.0)
-        (times,) = self.proofs.times(now, near, [filtered.decision.u])
+        (times,) = self._certificates.times(now.x, [filtered.decision.u], near)
         first, weak = float(times.min()), times < self._certificates.tau
         if not weak.any():
             return _proven(filtered, first)
         whole = self._with_whole_rows(now, filtered, weak)
-        again = float(self.proofs.times(now, near, [whole.decision.u]).min())
+        again = float(self._certificates.times(now.x, [whole.decision.u], near).min())
         if whole.decision.origin is Origin.PROVEN and again >= self._certificates.tau:
             return _proven(whole, again)
         least = {filtered.decision.u.tobytes(): first, whole.decision.u.tobytes(): again}
@@ -141,7 +137,7 @@ class ProvenFilter:
         for _ in range(_ROUNDS):
             new = [u for u in tried if u.tobytes() not in least]
             if new:
-                times = self.proofs.times(now, near, new).min(axis=1)
+                times = self._certificates.times(now.x, new, near).min(axis=1)
                 least |= {u.tobytes(): time for u, time in zip(new, times.tolist(), strict=True)}
             times_tried = [least[u.tobytes()] for u in tried]
             index = int(np.argmax(times_tried))

@@ -40,7 +40,7 @@ class ReachableBoxes:
 
     def __init__(self, swarm: Swarm, function: Reaching) -> None:
         scenario, members = swarm.scenario, swarm.members
-        tau = max(swarm.horizon(i) for i in swarm.normal)
+        tau = swarm.longest_horizon
         self._lasting = _LASTING * tau
         self._until = -np.inf
         axes, count = scenario.agents[0].axes, len(members) + len(scenario.static)

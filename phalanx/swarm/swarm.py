@@ -205,6 +205,11 @@ class Swarm:
         return all(c.jitter == 0.0 and c.period == clocks[0].period for c in clocks)
 
     @cached_property
+    def longest_horizon(self) -> float:
+        """The largest τ of all normal agents [s]."""
+        return max(self.horizon(i) for i in self.normal)
+
+    @cached_property
     def disturbance_bounds(self) -> dict[str, float]:
         """φ_l^max of every agent, by name."""
         return {
