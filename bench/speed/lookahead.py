@@ -119,7 +119,7 @@ def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[floa
     swarm, keeper = rows.swarm, Keeper()
     with LockstepHub(swarm, membership, lambda: None) as hub:
         world, commands = World(rows), CommandQueue(NO_COMMANDS, swarm.names)
-        events = EventQueue(keeper, ())
+        events = EventQueue(keeper, hub.await_telemetry, ())
         lockstep = Lockstep(world, Sampling(swarm), hub, events, commands, look_ahead)
         hub.wait_for_agents(lambda _: None)
         lockstep.run(swarm.scenario.duration)

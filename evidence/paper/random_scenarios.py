@@ -13,7 +13,7 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -28,7 +28,6 @@ from phalanx_plant.world.events import StateReached
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
-from phalanx.messages.kinds import Telemetry
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
@@ -258,8 +257,8 @@ class WatchingJudge(Judge):
 
     latest: "WatchingJudge"
 
-    def __init__(self, rows: SafetyRows, telemetry: Callable[[int, int], Telemetry]) -> None:
-        super().__init__(rows, telemetry)
+    def __init__(self, rows: SafetyRows) -> None:
+        super().__init__(rows)
         self.compared = 0
         """Pairs that were looked at while certified, step by step."""
         self.wrong: list[tuple[float, str, float]] = []

@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
+from msgspec.structs import asdict
+
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.messages.kinds import Status, Telemetry
 from phalanx.messages.profile import Stopwatch
@@ -19,7 +21,12 @@ from phalanx_plant.judge.judge import Judge
 from phalanx_plant.observers.publisher import FrameAudience, Publisher
 from phalanx_plant.observers.recorder import Recorder, RecordSink, TrajectoryHash
 from phalanx_plant.sampling.sampling import Sampling
-from phalanx_plant.world.events import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx_plant.world.events import (
+    AbandonedError,
+    StateReached,
+    StoppedError,
+    SwarmBrokenError,
+)
 from phalanx_plant.world.foreign import ForeignIntegration
 from phalanx_plant.world.world import DivergedError, World
 
@@ -110,17 +117,17 @@ class PlantRun:
         self._recording, self._commands = recording, commands
         commands.declare(declared(swarm))
         self._world, self._sampling = _world(rows), Sampling(swarm)
-        self.judge = Judge(rows, agents.await_telemetry)
-        self.judge.begin(self._world.take_history())
+        self.judge = Judge(rows)
+        start = self.judge.begin(StateReached(0.0, self._world.x, self._world.take_history()))
         self._trajectory = TrajectoryHash()
         self._publisher = Publisher(
-            self._world, self.judge, commands, agents.publish_status, audience
+            swarm.names, start, self.judge.findings, commands, agents.publish_status, audience
         )
         # They receive each judged event in this order.
         observers = [self._trajectory.add, self._publisher.see]
         if recording is not None:
             observers.append(Recorder(swarm, recording).record)
-        events = EventQueue(self.judge, observers, self._publisher.idle)
+        events = EventQueue(self.judge, agents.await_telemetry, observers, self._publisher.idle)
         self._clock = clock(self._world, self._sampling, agents, events, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:
@@ -161,55 +168,27 @@ class PlantRun:
     def complete(self) -> End:
         """Judge a run that went to the end of its scenario."""
         self._publisher.show(math.inf)
-        assumptions, extremes = self.judge.assumptions, self.judge.extremes
-        return End(
-            *judge(
-                extremes.violations(),
-                assumptions.of_guarantee,
-                assumptions.of_theorem,
-                extremes.excluded(),
-            )
-        )
+        found = self.judge.findings()
+        return End(*judge(found.violations, found.assumptions, found.theorem, found.excluded))
 
     def summary(self, end: End, wall: float, rejected: Mapping[str, int]) -> Summary:
         """Return the key figures of a run that ended; wall: its wall time [s]."""
-        outcome, reason = end
-        log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)
-        dropped = {
-            **rejected,
-            **self._commands.refusals.counts,
-            **self.judge.rejected,
-        }
-        return self._summary(outcome, reason, dropped, wall)
-
-    def _summary(
-        self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
-    ) -> Summary:
-        checked, extremes = self.judge, self.judge.extremes
-        hits = checked.claims.faults + self._sampling.faults
+        log.info("%s at t = %.3f s: %s", end.outcome, self._world.t, end.reason)
+        findings = asdict(self.judge.findings())
+        agents, excluded = findings.pop("rejected"), findings.pop("excluded")
+        hits = self.judge.claims.faults + self._sampling.faults
         return Summary(
-            outcome=outcome,
-            reason=reason,
+            outcome=end.outcome,
+            reason=end.reason,
             t=self._world.t,
             seed=self._scenario.seed,
             trajectory=self._trajectory.hexadecimal,
-            worst_h=extremes.worst_h,
-            worst_at=extremes.worst_at,
-            worst_pair=extremes.worst_pair,
-            largest_h_tot=extremes.largest_h_tot,
-            largest_h_tot_at=extremes.largest_h_tot_at,
-            steps=checked.steps,
-            origins=checked.origins,
-            assumptions=checked.assumptions.of_guarantee,
-            theorem=checked.assumptions.of_theorem,
-            certificates=checked.coverage.summary,
-            violations=extremes.violations(),
-            excluded=extremes.excluded() or [],
-            trust=checked.trust,
-            rejected=rejected,
+            excluded=excluded or [],
+            rejected={**rejected, **self._commands.refusals.counts, **agents},
             wall_time=wall,
             punctuality=self._clock.punctuality,
             faults=[FaultCount(name, hits[number]) for number, name in enumerate(self._declared)],
+            **findings,
         )
 
 

@@ -52,7 +52,7 @@ class _PendingInput(Struct, frozen=True):
 
     i: int
     k: int
-    sampled: float
+    t_sample: float
     """[s]"""
     lost: bool
     """Whether it never reaches the actuator."""
@@ -204,7 +204,7 @@ class Lockstep:
             if u is None:
                 return False
             answer = instant.pending.popleft()
-            values = answer.i, answer.k, answer.sampled, instant.t, u
+            values = answer.i, answer.k, answer.t_sample, instant.t, u
             lost = answer.lost
             events.append(InputLost(*values) if lost else InputApplied(*values, self.world.x))
         self._events.add(events)

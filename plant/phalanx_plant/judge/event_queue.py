@@ -8,9 +8,19 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Protocol, Self
 
+from msgspec.structs import replace
+
+from phalanx.messages.kinds import Telemetry
 from phalanx.recording.write import RecordingError
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import Event, Instant, StoppedError, SwarmBrokenError
+from phalanx_plant.world.events import (
+    Event,
+    InputApplied,
+    InputLost,
+    Instant,
+    StoppedError,
+    SwarmBrokenError,
+)
 from phalanx_plant.world.world import DivergedError
 
 _BATCH = 24
@@ -33,6 +43,7 @@ class EventQueue:
     def __init__(
         self,
         judge: EventJudge,
+        await_telemetry: Callable[[int, int], Telemetry],
         observers: Sequence[Callable[[Sequence[Judged]], None]],
         idle: Callable[[float], None] = lambda now: None,
     ) -> None:
@@ -40,11 +51,13 @@ class EventQueue:
 
         Args:
             judge: of the run.
+            await_telemetry: waits for agent i's report on its sample k, and returns it.
             observers: receive the judged events of some instants, in this order.
             idle: called at a wall time [s], for work that can wait.
         """
         self._idle = idle
         self._judge, self._observers = judge, observers
+        self._await_telemetry = await_telemetry
         self._instants: deque[Instant] = deque()
         self._cost = 1e-3
         """Estimated CPU time of judging one instant [s]."""
@@ -64,19 +77,33 @@ class EventQueue:
     def judge_next(self, seconds: float = math.inf) -> None:
         """Judge and observe the oldest instants. Raises RecordingError, DivergedError.
 
+        Also what the first report that does not arrive raises, once all other events are observed.
         seconds: about how long it may take, as nothing interrupts it [s of CPU time].
         """
         affordable = max(1.0, seconds / max(self._cost, 1e-9))
         count = int(min(affordable, _BATCH, len(self._instants)))
-        events = [event for _ in range(count) for event in self._instants.popleft()]
-        judged, began = list[Judged](), time.thread_time()
+        began, judged, events = time.thread_time(), list[Judged](), list[Event]()
+        failure: Exception | None = None
+        for event in [event for _ in range(count) for event in self._instants.popleft()]:
+            try:
+                events.append(self._reported(event))
+            except Exception as error:
+                failure = failure or error
         try:
             self._judge.judge(events, judged)
         finally:
             for observe in self._observers:
                 observe(judged)
+        if failure is not None:
+            raise failure
         # Costs differ: a few instants that cost nothing must not make the next batch large.
         self._cost = max((time.thread_time() - began) / count, 0.9 * self._cost)
+
+    def _reported(self, event: Event) -> Event:
+        """Add its agent's report to an input, which is awaited only now: agents send it last."""
+        if type(event) is InputApplied or type(event) is InputLost:
+            return replace(event, telemetry=self._await_telemetry(event.i, event.k))
+        return event
 
     def judge_batches(self) -> None:
         """Judge all but the last instants, which wait for more. Raises as judge_next does."""

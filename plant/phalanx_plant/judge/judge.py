@@ -1,10 +1,11 @@
-"""The judge: checks every event of a run in order against the safe set and the assumptions.
+"""The judge: a fold over the events of a run, checked in order against safe set and assumptions.
 
-Outcome and certificates follow from the true states and the applied inputs alone. Agents' reports
-are compared with these. All that is recorded and shown of an event is in its judgement.
+Nothing but events changes its state: the same events have the same verdict again. Outcome and
+certificates follow from the true states and the applied inputs alone. Agents' reports are compared
+with these. All that is recorded and shown of an event is in its judgement.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +13,13 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from phalanx.faults.commands import Condition, ProcessChange
-from phalanx.guarantee.verdict import Convicted, TrustSummary
+from phalanx.guarantee.verdict import (
+    Assumption,
+    CertificateSummary,
+    Convicted,
+    TrustSummary,
+    Violation,
+)
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
@@ -48,17 +55,40 @@ class Judged(Struct, frozen=True):
     """Lines of the event log."""
     peak: Peak = LOWEST
     """Of a StateReached: the largest values since the previous one."""
-    step: tuple[AppliedStep, Telemetry] | None = None
-    """Of an InputApplied: its control step, and the agent's report on it."""
+    pair: int = 0
+    """Of a StateReached: the pair with a normal agent whose h is largest there."""
+    step: AppliedStep | None = None
+    """Of an InputApplied: its control step."""
     received: Sequence[tuple[DeliveryReport, Finding]] = ()
     """Of an input: the broadcasts that its agent reports on, and whether they were true."""
+
+
+class Findings(Struct):
+    """The judgement of all events so far, with the names of a Summary."""
+
+    worst_h: float
+    worst_at: float
+    worst_pair: str
+    largest_h_tot: float
+    largest_h_tot_at: float
+    steps: int
+    origins: dict[str, int]
+    assumptions: list[Assumption]
+    theorem: list[Assumption]
+    certificates: CertificateSummary
+    violations: list[Violation]
+    excluded: list[Violation] | None
+    """None if no pair was excluded."""
+    trust: TrustSummary | None
+    rejected: dict[str, int]
+    """Payloads that agents dropped, by agent, if there are any."""
 
 
 class Judge:
     """Checks events against the safe set, and updates certificates, assumptions and claims."""
 
-    def __init__(self, rows: SafetyRows, telemetry: Callable[[int, int], Telemetry]) -> None:
-        """Begin at x(0); `telemetry` waits for agent i's report on its sample k and returns it."""
+    def __init__(self, rows: SafetyRows) -> None:
+        """Begin at x(0)."""
         swarm = self._swarm = rows.swarm
         self.evaluation = Evaluation(rows)
         self.extremes = PairExtremes(swarm.safe_set)
@@ -66,12 +96,13 @@ class Judge:
         self.coverage.begin(swarm.start())
         self.claims = Claims(swarm)
         self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims)
-        self.steps = 0
+        self._steps = 0
         """Inputs applied."""
-        self.origins = {str(o): 0 for o in origins_of_normal(swarm.controllers, swarm.safety.prove)}
+        self._origins = {
+            str(o): 0 for o in origins_of_normal(swarm.controllers, swarm.safety.prove)
+        }
         """Steps of normal agents by how their input was made."""
-        self._names, self._telemetry = swarm.names, telemetry
-        self._latency = swarm.time.latency
+        self._names, self._latency = swarm.names, swarm.time.latency
         self._crossings: list[Crossing] = []
         """Those at the start, until the first event."""
         self._turned: set[int] = set()
@@ -83,22 +114,31 @@ class Judge:
         self._rejected_before = [0 for _ in swarm.names]
         """By earlier processes of restarted agents."""
 
-    @property
-    def backups(self) -> int:
-        """Steps of normal agents at which u_i^min was applied, as K_i was empty."""
-        return self.origins[Origin.BACKUP]
-
-    @property
-    def rejected(self) -> dict[str, int]:
-        """Payloads that agents dropped, by agent, if there are any."""
+    def findings(self) -> Findings:
+        """Return the judgement of all events so far."""
+        extremes, assumptions = self.extremes, self.assumptions
         counts = zip(self._names, self._rejected, self._rejected_before, strict=True)
-        return {f"by agent {name}": now + before for name, now, before in counts if now + before}
+        return Findings(
+            worst_h=extremes.worst_h,
+            worst_at=extremes.worst_at,
+            worst_pair=extremes.worst_pair,
+            largest_h_tot=extremes.largest_h_tot,
+            largest_h_tot_at=extremes.largest_h_tot_at,
+            steps=self._steps,
+            origins=self._origins,
+            assumptions=assumptions.of_guarantee,
+            theorem=assumptions.of_theorem,
+            certificates=self.coverage.summary,
+            violations=extremes.violations(),
+            excluded=extremes.excluded(),
+            trust=self._trust,
+            rejected={f"by agent {name}": now + old for name, now, old in counts if now + old},
+        )
 
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         """Judge the next events in order, and append the results; a sample has none.
 
-        Together, as h, ψ and certificates cost least for many. Raises DivergedError, and what the
-        first report that does not arrive raises, once the others up to a command are judged.
+        Together, as h, ψ and certificates cost least for many. Raises DivergedError.
         """
         # States after a command are evaluated once it has excluded pairs.
         commands = [k + 1 for k, event in enumerate(events) if type(event) is CommandApplied]
@@ -113,33 +153,31 @@ class Judge:
             self._judge(events[: indices[number]], judged)
             raise diverged
         proven = iter(self.coverage.proven([e for e in events if type(e) is InputApplied]))
-        number, failure = 0, None
+        number = 0
         for event in events:
-            try:
-                match event:
-                    case StateReached():
-                        judged.append(self._reached(event, number))
-                        number += 1
-                    case Sampled():
-                        self.assumptions.sampled(event)
-                    case InputApplied():
-                        judged.append(self._applied(event, next(proven)))
-                    case CommandApplied():
-                        judged.append(self._command(event))
-                    case InputLost():
-                        judged.append(self._lost(event))
-                    case MemberLost():
-                        judged.append(self._lost_member(event))
-            except Exception as error:
-                failure = failure or error
-        if failure is not None:
-            raise failure
+            match event:
+                case StateReached():
+                    judged.append(self._reached(event, number))
+                    number += 1
+                case Sampled():
+                    self.assumptions.sampled(event)
+                case InputApplied(telemetry=Telemetry() as telemetry):
+                    judged.append(self._applied(event, telemetry, next(proven)))
+                case CommandApplied():
+                    judged.append(self._command(event))
+                case InputLost(telemetry=Telemetry() as telemetry):
+                    judged.append(self._lost(event, telemetry))
+                case MemberLost():
+                    judged.append(self._lost_member(event))
+                case _:
+                    raise ValueError(f"expected an input with its report, got {event}")
 
-    def begin(self, history: History) -> None:
-        """Check the world's history at t = 0. Raises DivergedError."""
-        if (failed := self._add([history])) is not None:
+    def begin(self, start: StateReached) -> Judged:
+        """Check the start, whose log lines come with the next event. Raises DivergedError."""
+        if (failed := self._add([start.history])) is not None:
             raise failed[1]
-        _, self._crossings = self.extremes.take(0)
+        peak, self._crossings = self.extremes.take(0)
+        return Judged(start, peak=peak, pair=self.extremes.largest)
 
     def _add(self, histories: Sequence[History]) -> tuple[int, DivergedError] | None:
         """Check consecutive histories; if one is not finite return its number and the error."""
@@ -190,7 +228,8 @@ class Judge:
             pair = self.extremes.label(crossing.pair)
             notices.append(Log(crossing.t, self.extremes.in_words(crossing), level, pair))
         self._crossings = []
-        return Judged(event, sorted(notices, key=lambda line: line.t), peak=peak)
+        notices.sort(key=lambda line: line.t)
+        return Judged(event, notices, peak=peak, pair=self.extremes.largest)
 
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
@@ -221,17 +260,17 @@ class Judge:
         self.evaluation.pairs.excluded[excluded] = True
         self.coverage.turned(i, excluded)
 
-    def _applied(self, event: InputApplied, proven: Array) -> Judged:
+    def _applied(self, event: InputApplied, telemetry: Telemetry, proven: Array) -> Judged:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
-        telemetry, received, notices = self._report(i, event.k, event.t_sample)
+        received, notices = self._report(i, event.t_sample, telemetry)
         origin = telemetry.report.origin
         self.claims.add_truth(
             i, event.k, AnnouncedInput(event.t_sample + self._latency, u), event.t_apply
         )
         self.assumptions.applied(event, telemetry)
-        self.steps += 1
+        self._steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
-            self.origins[origin] += 1
+            self._origins[origin] += 1
         step = AppliedStep(
             u=u,
             oldest_input=max([age for _, age in ages]) if (ages := telemetry.ages) else None,
@@ -240,10 +279,10 @@ class Judge:
         )
         if origin == Origin.BACKUP:
             notices += self._warn_once(event.t_apply, f"agent {name}: first backup")
-        return Judged(event, notices, step=(step, telemetry), received=received)
+        return Judged(event, notices, step=step, received=received)
 
-    def _lost(self, event: InputLost) -> Judged:
-        _, received, notices = self._report(event.i, event.k, event.t_sample)
+    def _lost(self, event: InputLost, telemetry: Telemetry) -> Judged:
+        received, notices = self._report(event.i, event.t_sample, telemetry)
         planned = AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()))
         self.claims.add_truth(event.i, event.k, planned, np.inf)
         self.assumptions.lost(event)
@@ -259,10 +298,9 @@ class Judge:
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
 
     def _report(
-        self, i: int, k: int, t: float
-    ) -> tuple[Telemetry, list[tuple[DeliveryReport, Finding]], list[Log]]:
-        """Agent i's report on its sample k at t [s], the broadcasts in it, and warnings."""
-        telemetry = self._telemetry(i, k)
+        self, i: int, t: float, telemetry: Telemetry
+    ) -> tuple[list[tuple[DeliveryReport, Finding]], list[Log]]:
+        """Check the broadcasts in agent i's report on its sample at t [s], and return warnings."""
         self._rejected[i] = telemetry.rejected
         # An adversary may accuse whom it likes.
         believed = i in self._swarm.normal and i not in self._turned
@@ -274,7 +312,7 @@ class Judge:
                 notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         for conviction in telemetry.convictions if believed else ():
             notices.append(self._conviction(i, t, conviction))
-        return telemetry, received, notices
+        return received, notices
 
     def _conviction(self, i: int, t: float, conviction: Conviction) -> Log:
         """Keep a conviction by agent i at t [s], and describe it."""
@@ -288,7 +326,7 @@ class Judge:
         return Log(t, text, Level.WARNING)
 
     @property
-    def trust(self) -> TrustSummary | None:
+    def _trust(self) -> TrustSummary | None:
         """Betrayals and convictions; None unless agents watch each other."""
         if not self._swarm.safety.watch:
             return None

@@ -14,9 +14,8 @@ from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import DeliveryReport
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.judge.judge import Judge, Judged
+from phalanx_plant.judge.judge import Findings, Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached
-from phalanx_plant.world.world import World
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""
@@ -39,12 +38,13 @@ class FrameAudience(Protocol):
 
 
 class Publisher:
-    """Publishes the run; it only reads the run's state."""
+    """Publishes a run, from its judged events alone."""
 
     def __init__(
         self,
-        world: World,
-        judge: Judge,
+        names: tuple[str, ...],
+        start: Judged,
+        findings: Callable[[], Findings],
         commands: CommandQueue,
         publish_status: Callable[[Status], None],
         audience: FrameAudience | None = None,
@@ -52,23 +52,23 @@ class Publisher:
         """Begin to publish a run.
 
         Args:
-            world: at x(0).
-            judge: of the run.
+            names: of the agents.
+            start: the first state.
+            findings: returns the judgement of all events so far.
             commands: of the run, for its speed and pauses.
             publish_status: sends the run's progress to all.
             audience: receives frames.
         """
-        names = world.swarm.names
-        self._judge, self._commands = judge, commands
+        self._findings, self._commands = findings, commands
         self._publish_status, self._audience = publish_status, audience
         # Not the clock's own, which is ahead of the judged events.
         self._faults = FaultState(names)
-        self._t, self._x, self._peak = 0.0, world.x, judge.extremes.now
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
         self._due = 0.0
         self._status_due = time.monotonic()
+        self._see(start)
         self.begin()
 
     def begin(self) -> None:
@@ -80,9 +80,7 @@ class Publisher:
     def see(self, events: Sequence[Judged]) -> None:
         """Take the next events, and publish a frame."""
         for judged in events:
-            if type(judged.event) is StateReached:
-                self._t = judged.event.t
-            if self._audience is not None:
+            if self._audience is not None or type(judged.event) is StateReached:
                 self._see(judged)
         if self._audience is not None:
             self.show(time.monotonic())
@@ -97,13 +95,12 @@ class Publisher:
                 self._agents[fate.sender] = replace(sender, lies=sender.lies + 1)
         match event:
             case StateReached():
-                self._x = event.x
-                self._peak = judged.peak
+                self._t, self._x = event.t, event.x
+                self._peak, self._pair = judged.peak, judged.pair
             case CommandApplied():
                 self._faults.apply(event.command)
             case InputApplied() if judged.step is not None:
-                step, _ = judged.step
-                self._applied(event.i, step, [fate for fate, _ in judged.received])
+                self._applied(event.i, judged.step, [fate for fate, _ in judged.received])
 
     def _applied(self, i: int, step: AppliedStep, fates: list[DeliveryReport]) -> None:
         """Update agent i's status, and the links on which it received the broadcasts in `fates`."""
@@ -127,14 +124,14 @@ class Publisher:
         if now < self._status_due:
             return
         self._status_due = now + _STATUS_EVERY
-        judge = self._judge
+        findings = self._findings()
         self._publish_status(
             Status(
                 t=self._t,
                 real_time_factor=self._t / max(now - self._began, 1e-9),
-                worst_h=judge.extremes.worst_h,
-                steps=judge.steps,
-                backups=judge.backups,
+                worst_h=findings.worst_h,
+                steps=findings.steps,
+                backups=findings.origins[Origin.BACKUP],
             )
         )
 
@@ -148,24 +145,24 @@ class Publisher:
         self._link_events.clear()
 
     def _frame(self, now: float) -> Frame:
-        extremes = self._judge.extremes
-        lasting_first = sorted(extremes.violations(), key=lambda v: v.end is not None)
+        findings = self._findings()
+        lasting_first = sorted(findings.violations, key=lambda v: v.end is not None)
         return Frame(
             t=self._t,
             x=self._x.astype("<f8").tobytes(),
             h_tot=self._peak[0],
             h=self._peak[1],
-            worst_h=extremes.worst_h,
-            pair=extremes.largest,
+            worst_h=findings.worst_h,
+            pair=self._pair,
             turned=tuple(sorted(self._faults.turned)),
             agents=tuple(
                 replace(agent, condition=condition)
                 for agent, condition in zip(self._agents, self._faults.condition, strict=True)
             ),
             link_events=tuple(LinkEvent(*at, delay) for at, delay in self._link_events.items()),
-            steps=self._judge.steps,
+            steps=findings.steps,
             real_time_factor=self._real_time_factor(now),
-            assumptions=tuple(self._judge.assumptions.of_guarantee),
+            assumptions=tuple(findings.assumptions),
             violations=tuple(lasting_first[:8]),
             log=tuple(self._log),
             paused=self._commands.pace.paused,

@@ -85,11 +85,11 @@ class Recorder:
                 case InputApplied() | InputLost():
                     self._received[event.i] += judged.received
             records += judged.notices
-            if type(event) is InputApplied and judged.step is not None:
-                step, telemetry = judged.step
-                records.append(self._step(event, step, telemetry))
-                if event.answers is not None:
-                    records.append(self._step_data(event.i, event.answers, telemetry))
+            match event:
+                case InputApplied(telemetry=Telemetry() as telemetry) if judged.step is not None:
+                    records.append(self._step(event, judged.step, telemetry))
+                    if event.answers is not None:
+                        records.append(self._step_data(event.i, event.answers, telemetry))
         self._recording.write(*records)
 
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:

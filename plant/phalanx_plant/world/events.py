@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from msgspec import Struct
 
 from phalanx.faults.commands import Command
-from phalanx.messages.kinds import Sample
+from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.theory.arrays import Array
 from phalanx_plant.world.world import History
 
@@ -56,6 +56,8 @@ class InputApplied(Struct, frozen=True):
     """True stacked state at t_apply, shape (n̄,)."""
     answers: Sample | None = None
     """In real time, the sample as the agent received it."""
+    telemetry: Telemetry | None = None
+    """The agent's report on its sample k; None until that is awaited."""
 
 
 class InputLost(Struct, frozen=True):
@@ -69,6 +71,8 @@ class InputLost(Struct, frozen=True):
     """When it was due, or, in real time, had come from its agent if that is later [s]."""
     u: Array
     """Native input, shape (m_i,)."""
+    telemetry: Telemetry | None = None
+    """As of an InputApplied."""
 
 
 class MemberLost(Struct, frozen=True):

@@ -4,19 +4,23 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 from phalanx_plant.judge import event_queue
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import Event, Sampled
+from phalanx_plant.world.events import Event, InputApplied, Sampled
 from phalanx_plant.world.world import DivergedError
 
 import phalanx
 from phalanx.guarantee.verdict import Summary
+from phalanx.messages.kinds import Telemetry
+from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import read
 from phalanx.recording.records import Step
 from phalanx.recording.write import RecordingError
+from phalanx.theory.rows.origin import Origin
 from tests.layers import layered
 
 pytestmark = pytest.mark.slow
@@ -42,8 +46,15 @@ class Desk:
             self.seen.append(judged.event)
 
 
+def reported(i: int, k: int) -> Telemetry:
+    if i:
+        raise KeyError(i)
+    made = StepReport(origin=Origin.QP, residual=0.0, solve_time=0.0)
+    return Telemetry(k=k, report=made, ages=())
+
+
 def queue_of(desk: Desk) -> EventQueue:
-    return EventQueue(desk, [desk.write])
+    return EventQueue(desk, reported, [desk.write])
 
 
 def run(desk: Desk, error: BaseException | None = None) -> None:
@@ -171,6 +182,17 @@ def test_events_of_a_batch_before_one_that_fails_are_observed():
     with pytest.raises(DivergedError):
         queue.judge_all()
     assert desk.seen == [FIRST]
+
+
+def test_a_report_that_does_not_arrive_leaves_the_other_events_to_be_judged():
+    desk, nothing = Desk(), np.zeros(2)
+    queue = queue_of(desk)
+    queue.add([FIRST, *(InputApplied(i, 0, 0.0, 0.0, nothing, nothing) for i in (1, 0)), LAST])
+    with pytest.raises(KeyError):
+        queue.judge_all()
+    first, applied, last = desk.seen
+    assert (first, last) == (FIRST, LAST)
+    assert (applied.i, applied.telemetry) == (0, reported(0, 0))
 
 
 def test_events_that_cannot_be_judged_after_a_failure_do_not_hide_it():

@@ -223,16 +223,16 @@ def test_dynamics_that_travel_farther_than_they_say_end_the_run(
 class Watched(EventQueue):
     """All events that were added, and those that were judged."""
 
-    def __init__(self) -> None:
-        super().__init__(self, [self.observe])
-        self.added, self.judged = list[Event](), list[Event]()
+    def __init__(self, agents: Coasting) -> None:
+        super().__init__(self, agents.await_telemetry, [self.observe])
+        self.added, self.judged = list[type[Event]](), list[type[Event]]()
 
     def add(self, instant: Instant) -> None:
         super().add(instant)
-        self.added += instant
+        self.added += map(type, instant)
 
     def observe(self, events: Sequence[Judged]) -> None:
-        self.judged += [judged.event for judged in events]
+        self.judged += [type(judged.event) for judged in events]
 
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         judged += map(Judged, events)
@@ -253,9 +253,10 @@ class PausedNowAndThen(CommandQueue):
 
 
 def test_while_virtual_time_waits_all_events_have_been_judged() -> None:
-    rows, events = rows_of_scenario("unicycles", "duration=0.1"), Watched()
+    rows, agents = rows_of_scenario("unicycles", "duration=0.1"), Coasting()
+    events = Watched(agents)
     swarm, commands = rows.swarm, PausedNowAndThen(events)
-    run = Lockstep(World(rows), Sampling(swarm), Coasting(), events, commands)
+    run = Lockstep(World(rows), Sampling(swarm), agents, events, commands)
     run.run(swarm.scenario.duration)
     assert commands.seen == sorted(set(commands.seen))
     assert events.judged == events.added
