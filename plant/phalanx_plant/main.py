@@ -133,9 +133,7 @@ def run(
             hub.session.listen_for_commands(commands.on_command)
         hub.session.answer_viewers(commandable=bool(policy.secret), real_time=policy.real_time)
         if stopwatch:
-            hub.time(
-                stopwatch
-            )  # before the queue keeps a reference to one of its methods
+            hub.time(stopwatch)  # before the queue keeps a reference to one of its methods
         try:
             plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
         except WorldError as error:
