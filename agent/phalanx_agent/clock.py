@@ -37,7 +37,7 @@ class VirtualClock:
         return ()
 
 
-class RealTimeClock(VirtualClock):
+class RealTimeClock:
     """Real time: the wall clock since the last sample; the plant does not wait."""
 
     waits = False
@@ -65,9 +65,10 @@ class RealTimeClock(VirtualClock):
         return tuple((l, known.t_apply, known.u) for l, known in received.items())
 
 
+Clock = VirtualClock | RealTimeClock
 LOCKSTEP = VirtualClock()
 
 
-def clock_of(sample: Sample) -> VirtualClock:
+def clock_of(sample: Sample) -> Clock:
     """Return the clock for a sample."""
     return LOCKSTEP if sample.pace is None else RealTimeClock(sample.t, sample.pace)

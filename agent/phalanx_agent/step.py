@@ -37,7 +37,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import error_line
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
+from phalanx_agent.clock import LOCKSTEP, Clock, clock_of
 from phalanx_agent.controller import (
     AgentController,
     DistributedController,
@@ -96,7 +96,7 @@ class ControlStep:
         self._keys, self._sealer = membership.keys, membership.sealer
         self._next: int | None = None
         """The number of the next sample; None before the first."""
-        self._clock: VirtualClock = LOCKSTEP
+        self._clock: Clock = LOCKSTEP
         self._commands: ActiveCommands | None = None
         self._latency = swarm.time.latency
         self._lies = swarm.links.lies(self.name)

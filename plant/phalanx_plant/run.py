@@ -116,7 +116,9 @@ class PlantRun:
         self._scenario, self._declared = swarm.scenario, swarm.links.declared
         self._recording, self._commands = recording, commands
         commands.declare(declared(swarm))
-        self._world, self._sampling = _world(rows), Sampling(swarm)
+        foreign = swarm.scenario.fresh_world()
+        integration = ForeignIntegration(swarm, foreign) if foreign else None
+        self._world, self._sampling = World(rows, integration), Sampling(swarm)
         self.judge = Judge(rows)
         start = self.judge.begin(StateReached(0.0, self._world.x, self._world.take_history()))
         self._trajectory = TrajectoryHash()
@@ -190,9 +192,3 @@ class PlantRun:
             faults=[FaultCount(name, hits[number]) for number, name in enumerate(self._declared)],
             **findings,
         )
-
-
-def _world(rows: SafetyRows) -> World:
-    """Make the world that the scenario names, or the plant's own."""
-    named = rows.swarm.scenario.fresh_world()
-    return World(rows, ForeignIntegration(rows, named) if named else None)

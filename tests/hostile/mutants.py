@@ -25,7 +25,7 @@ _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agen
 _TEST_SEAL, _TEST_LINKS = "tests/unit/messages/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
 _JUDGE, _TEST_JUDGE = f"{_PLANT}/judge/judge.py", "tests/unit/plant/test_judge.py"
-_PAIRS, _TEST_PAIRS = f"{_PLANT}/world/relevant_pairs.py", "tests/unit/plant/test_relevant_pairs.py"
+_PAIRS, _TEST_PAIRS = f"{_PLANT}/world/evaluation.py", "tests/unit/plant/test_relevant_pairs.py"
 _BOXES, _TEST_BOXES = "phalanx/guarantee/reachable.py", "tests/unit/guarantee/test_reachable.py"
 _ACCESS, _TEST_ACCESS = "phalanx/messages/admission.py", "tests/unit/identities/test_access.py"
 _ASSUMED, _COVERAGE = f"{_PLANT}/judge/assumptions.py", f"{_PLANT}/judge/coverage.py"
@@ -33,7 +33,7 @@ _LOOKAHEAD, _TEST_LOOKAHEAD = f"{_PLANT}/clock/lookahead.py", "tests/unit/plant/
 _EXTREMES, _TEST_EXTREMES = f"{_PLANT}/world/extremes.py", "tests/unit/plant/test_extremes.py"
 _SENSING, _TEST_SENSING = f"{_PLANT}/sampling/sensing.py", "tests/unit/plant/test_sensing.py"
 _SCHEDULE, _TEST_ONBOARD = (
-    f"{_PLANT}/sampling/schedule.py",
+    f"{_PLANT}/sampling/sampling.py",
     "tests/unit/plant/test_onboard_links.py",
 )
 _SAMPLING, _TEST_SAMPLING = f"{_PLANT}/sampling/sampling.py", "tests/unit/plant/test_sampling.py"

@@ -15,7 +15,7 @@ from msgspec import Struct
 from phalanx.messages.kinds import Sample
 from phalanx.theory.arrays import Array
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.clock.lookahead import Synchronization
+from phalanx_plant.clock.lookahead import Sequential, Synchronization
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling
 from phalanx_plant.world.events import (
@@ -83,7 +83,7 @@ class Lockstep:
         agents: Agents,
         events: EventQueue,
         commands: CommandQueue,
-        synchronization: Callable[[World], Synchronization] = Synchronization,
+        synchronization: Callable[[World], Synchronization] = Sequential,
     ) -> None:
         """Begin at t = 0; the synchronization decides which answers to wait for."""
         self.world = world

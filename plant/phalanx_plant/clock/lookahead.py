@@ -16,7 +16,7 @@ import numpy as np
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Bounded
 from phalanx_plant.sampling.sensing import sensing_radii
-from phalanx_plant.world.world import Piece, Segment, World
+from phalanx_plant.world.world import Piece, RungeKutta, Segment, World
 
 _SLACK = 1e-6
 """Allowance for integration and rounding errors [m]."""
@@ -40,8 +40,8 @@ class _Unknown(NamedTuple):
     """Number of the first piece of the history after it."""
 
 
-class Synchronization:
-    """Sequential: it waits for all answers, so an input is known as soon as it takes effect."""
+class Sequential:
+    """It waits for all answers, so an input is known as soon as it takes effect."""
 
     sequential = True
     """Whether all samples are answered before virtual time goes on."""
@@ -78,7 +78,7 @@ class Synchronization:
         self._world.advance(until)
 
 
-class Lookahead(Synchronization):
+class Lookahead:
     """The world's integration, ahead of the world: NaN where the state is not known."""
 
     sequential = False
@@ -90,8 +90,7 @@ class Lookahead(Synchronization):
             world: at x(0). No disturbance may depend on the state.
             radii: sensing radius of each agent [m].
         """
-        super().__init__(world)
-        swarm = world.swarm
+        swarm, self._world = world.swarm, world
         self._integration, self._radii = world.integration, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
@@ -163,6 +162,9 @@ class Lookahead(Synchronization):
         return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK
 
 
+Synchronization = Sequential | Lookahead
+
+
 def look_ahead(world: World) -> Synchronization:
     """Choose lookahead, or sequential synchronization if lookahead cannot save time.
 
@@ -171,6 +173,7 @@ def look_ahead(world: World) -> Synchronization:
     swarm, radii = world.swarm, sensing_radii(world.swarm)
     limited = 2 * np.isfinite(radii).sum() > len(radii)
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
-    if swarm.time.lookahead and world.integration.ahead and limited and not adverse:
+    drawn = isinstance(world.integration, RungeKutta)
+    if swarm.time.lookahead and drawn and limited and not adverse:
         return Lookahead(world, radii)
-    return Synchronization(world)
+    return Sequential(world)

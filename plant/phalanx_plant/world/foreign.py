@@ -5,50 +5,32 @@ declared dynamics: it is judged as a drawn one is.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.schema.registry import is_users
-from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.arrays import Array, Index
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import World, WorldAgent, WorldError, advanced
 from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import DisturbanceKnot, History, Integration, Piece, Segment
 
 
-class _Ledger(NamedTuple):
-    """The ledger of r agents with one dynamics."""
-
-    ledger: DisturbanceLedger
-    states: Index
-    """Indices of their states in the stack, shape (r, n)."""
-    inputs: Index
-    """Indices of their inputs in the stack, shape (r, m)."""
-
-
 class ForeignIntegration(Integration):
     """The states of a world, as pieces of a history. Lookahead cannot run ahead of it."""
 
-    ahead = False
-
-    def __init__(self, rows: SafetyRows, world: World) -> None:
-        super().__init__(rows)
-        swarm, self._world = rows.swarm, world
+    def __init__(self, swarm: Swarm, world: World) -> None:
+        super().__init__(swarm)
+        self._world = world
+        nothing = np.zeros_like(self.x)  # before any motion no disturbance is known
+        self.start = [self._segment_at_start(nothing, nothing)]
         self._seeds, self._reseeded = swarm.seeds, 0
         self._parts = swarm.safe_set.parts
         members = zip(swarm.members, self._parts, strict=True)
         self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in members]
-        self._ledgers = [
-            _Ledger(
-                DisturbanceLedger(swarm.members[group[0]].dynamics),
-                np.array([np.r_[self._parts[i]] for i in group]),
-                np.array([np.r_[self.inputs[i]] for i in group]),
-            )
-            for group in by_dynamics(swarm.members)
-        ]
+        self._ledgers = [(DisturbanceLedger(g.dynamics), g) for g in by_dynamics(swarm.members)]
         seed = swarm.seeds.at(0.0)
         try:
             world.begin(self._agents, seed, self._longest)
@@ -65,12 +47,6 @@ class ForeignIntegration(Integration):
         close = getattr(self._world, "close", None)
         if callable(close):
             close()
-
-    def start(self) -> History:
-        """Return x(0) as a segment of no length: before any motion no disturbance is known."""
-        nothing, x = np.zeros_like(self.x), self.x
-        here = Segment(0.0, 0.0, 0.0, nothing, nothing, self._u, x, x[None], self.p[None])
-        return [here]
 
     def hold(self, i: int, u: Array | float) -> None:
         """Make agent i's actuator hold u, shape (m_i,), from now on."""
@@ -110,7 +86,7 @@ class ForeignIntegration(Integration):
     def _explained(self, before: Array, after: Array, u: Array, seconds: Array) -> Array:
         """Return the disturbance of each step, stacked; not a number where none explains it."""
         phi = np.empty_like(after)
-        for ledger, states, inputs in self._ledgers:
+        for ledger, (_, _, states, inputs) in self._ledgers:
             r, n = states.shape
             first, last = (x[:, states].reshape(-1, n) for x in (before, after))
             held = np.tile(u[inputs], (len(after), 1))

@@ -1,5 +1,6 @@
 """Runge-Kutta steps of all agents, with one compiled call for all agents of equal dynamics."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,11 +10,23 @@ import numpy as np
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
-from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.composition import Member, stacked_slices
 
 
-class _SameDynamics(NamedTuple):
-    """r agents with the same equation of motion."""
+class DynamicsGroup(NamedTuple):
+    """r agents with the same equation of motion; their input bounds may differ."""
+
+    dynamics: Dynamics
+    agents: Index
+    """shape (r,)"""
+    states: Index
+    """Indices of their states in the stacked state, shape (r, n)."""
+    inputs: Index
+    """Indices of their inputs in the stacked inputs, shape (r, m)."""
+
+
+class _Steps(NamedTuple):
+    """Compiled steps of r agents with the same equation of motion."""
 
     states: Index
     """Indices of their states in the stacked state, shape (r, n)."""
@@ -31,37 +44,33 @@ class Motion:
 
     def __init__(self, members: Sequence[Member], most: int) -> None:
         """Compile the steps; `most` is the largest number of steps in one call."""
-        states = _offsets([len(m.dynamics.states) for m in members])
-        inputs = _offsets([len(m.dynamics.inputs) for m in members])
-        axes = int(members[0].dynamics.position(ca.SX(states[1], 1)).numel())
-        self._axes, self._groups = axes, list[_SameDynamics]()
+        groups = by_dynamics(members)
+        axes = int(members[0].dynamics.position(ca.SX(groups[0].states.shape[1], 1)).numel())
+        self._axes, self._groups = axes, list[_Steps]()
         self._outputs = axes * len(members)
-        self._group_of: dict[int, _SameDynamics] = {}
+        self._group_of: dict[int, _Steps] = {}
         """By member."""
-        total = int(states[-1])
-        self._numbers = np.empty(3 * total + int(inputs[-1]) + 1)
+        total, held = sum(g.states.size for g in groups), sum(g.inputs.size for g in groups)
+        self._numbers = np.empty(3 * total + held + 1)
         """Arguments of a step, stacked: x, u, φ, φ' and dt."""
-        self._arguments = np.split(self._numbers, np.cumsum([total, inputs[-1], total, total]))
-        for alike in by_dynamics(members):
-            indices, dynamics = np.array(alike), members[alike[0]].dynamics
-            x = states[indices][:, None] + np.arange(len(dynamics.states))
-            u = inputs[indices][:, None] + np.arange(len(dynamics.inputs))
-            dt = np.full((len(indices), 1), len(self._numbers) - 1)
-            phi = total + inputs[-1] + x
+        self._arguments = np.split(self._numbers, np.cumsum([total, held, total, total]))
+        for dynamics, agents, x, u in groups:
+            dt = np.full((len(agents), 1), len(self._numbers) - 1)
+            phi = total + held + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
-            p = total + axes * indices[:, None] + np.arange(axes)
+            p = total + axes * agents[:, None] + np.arange(axes)
             state = ca.SX.sym("x", len(dynamics.states))
             position = MappedFunction([state], [dynamics.position(state)])
             rows = [function.at(numbers) for function in steps]
             results = [
-                function.results.reshape(len(indices), count, -1).swapaxes(0, 1)
+                function.results.reshape(len(agents), count, -1).swapaxes(0, 1)
                 for count, function in enumerate(rows, start=1)
             ]
             both = list(zip(rows, results, strict=True))
-            group = _SameDynamics(x, np.hstack([x, p]), steps, both, position)
+            group = _Steps(x, np.hstack([x, p]), steps, both, position)
             self._groups.append(group)
-            self._group_of |= dict.fromkeys(alike, group)
+            self._group_of |= dict.fromkeys(agents.tolist(), group)
 
     def steps(
         self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
@@ -104,17 +113,21 @@ class Motion:
         return here[len(x) :].reshape(-1, self._axes)
 
 
-def _offsets(sizes: Sequence[int]) -> Index:
-    """Begin of each part of a stack, and the stack's end."""
-    return np.cumsum([0, *sizes])
-
-
-def by_dynamics(members: Sequence[Member]) -> list[list[int]]:
-    """Group members that have the same equation of motion; their input bounds may differ."""
-    groups: dict[str, list[int]] = {}
-    for i, text in enumerate(motion_texts([m.dynamics for m in members])):
-        groups.setdefault(text, []).append(i)
-    return list(groups.values())
+def by_dynamics(members: Sequence[Member]) -> list[DynamicsGroup]:
+    """Group members that have the same equation of motion."""
+    all_dynamics, groups = [m.dynamics for m in members], defaultdict[str, list[int]](list)
+    for i, text in enumerate(motion_texts(all_dynamics)):
+        groups[text].append(i)
+    states = stacked_slices([len(dynamics.states) for dynamics in all_dynamics])
+    inputs = stacked_slices([len(dynamics.inputs) for dynamics in all_dynamics])
+    return [
+        DynamicsGroup(
+            all_dynamics[agents[0]],
+            np.array(agents),
+            *(np.array([np.r_[parts[i]] for i in agents]) for parts in (states, inputs)),
+        )
+        for agents in groups.values()
+    ]
 
 
 def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:

@@ -22,7 +22,6 @@ from phalanx.theory.expressions.interval import Interval, UnboundedOperationErro
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
-from phalanx.theory.safety.composition import stacked_slices
 from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import Segment
 
@@ -34,19 +33,12 @@ class Resolution:
     """The defects of a run's integration steps."""
 
     def __init__(self, swarm: Swarm) -> None:
-        members = swarm.members
-        inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
+        # Another run of this process may have had such dynamics.
         self._groups = [
-            (
-                # Another run of this process may have had such dynamics.
-                cached(("defect", *motion_texts([dynamics])), partial(_defect, dynamics)),
-                np.array([np.r_[swarm.safe_set.parts[l]] for l in group]),
-                np.array([np.r_[inputs[l]] for l in group]),
-            )
-            for group in by_dynamics(members)
-            for dynamics in [members[group[0]].dynamics]
+            (cached(("defect", *motion_texts([g.dynamics])), partial(_defect, g.dynamics)), g)
+            for g in by_dynamics(swarm.members)
         ]
-        """By dynamics: the bound, and its agents' indices of states, (r, n), and inputs, (r, m)."""
+        """By dynamics: the bound, and its agents."""
 
     def defects(self, segments: Sequence[Segment]) -> Array:
         """Bound the defect of each segment's steps [1/s], shape (p,); inf or nan if unbounded."""
@@ -62,7 +54,7 @@ class Resolution:
         dt, steps = np.array([(p.dt, p.x.shape[0]) for p in segments]).T
         phi = np.concatenate([phi, phi + (steps * dt)[:, None] * slope])
         ranges, bounds = list(map(_range, (x, u, phi, slope))), list[float]()
-        for largest, states, inputs in self._groups:
+        for largest, (_, _, states, inputs) in self._groups:
             indices = states, inputs, states, states
             row = np.concatenate([*map(_over, ranges, indices), [dt.max()]])
             bounds.append(largest(row, np.arange(len(row))[None])[0, 0])
@@ -99,10 +91,10 @@ def _range(values: Array) -> Array:
     return np.stack([values.min(axis=0), values.max(axis=0)])
 
 
-def _over(ends: Array, places: Index) -> Array:
+def _over(ends: Array, indices: Index) -> Array:
     """Minima and maxima over agents with components at these indices, (r, n); shape (2 n,)."""
     low, high = ends
-    return np.concatenate([low[places].min(axis=0), high[places].max(axis=0)])
+    return np.concatenate([low[indices].min(axis=0), high[indices].max(axis=0)])
 
 
 @outwards()
@@ -118,7 +110,7 @@ def _defect(dynamics: Dynamics) -> MappedFunction:
     second = ca.jacobian(ca.jacobian(defect, s), s)
     bound = dt * dt * dt / 6 * ca.norm_1(ca.jacobian(second, s))
     ends = [ca.SX.sym("ends", n, 2) for n in sizes]
-    box = [Interval(each[k, 0], each[k, 1]) for each in ends for k in range(each.shape[0])]
+    box = [Interval(end[k, 0], end[k, 1]) for end in ends for k in range(end.shape[0])]
     box += [Interval(ca.SX(0.0), dt), point(dt)]
     symbols, row = scalars([x, u, phi, slope, s, dt]), [*map(ca.vec, ends), dt]
     try:

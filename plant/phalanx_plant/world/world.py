@@ -1,6 +1,7 @@
 """Integrate the true state of all agents from event to event, under inputs and disturbances."""
 
 import math
+from abc import ABC, abstractmethod
 
 import casadi as ca
 import numpy as np
@@ -60,14 +61,13 @@ History = list[Piece]
 """The motion between two events, in order."""
 
 
-class Integration:
+class Integration(ABC):
     """The state of all agents from x(0) on; every actuator holds zero before its first input."""
 
-    ahead = True
-    """Whether it may run ahead of the inputs."""
+    start: History
+    """At t = 0, with x(0) as a segment of no length."""
 
-    def __init__(self, rows: SafetyRows) -> None:
-        swarm = rows.swarm
+    def __init__(self, swarm: Swarm) -> None:
         self.t, self.x = 0.0, swarm.start()
         self.motion = swarm.functions.get(Motion, lambda: Motion(swarm.members, _MOST_STEPS))
         self.p = self.motion.positions(self.x)
@@ -76,17 +76,13 @@ class Integration:
         """Slice of each agent's inputs in the stack."""
         self._u = np.zeros(self.inputs[-1].stop)
         self._longest = swarm.time.integration_step
-        self._disturbances = SwarmDisturbance(rows)
-        self._line = self._disturbances.line(0.0, self.x)
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - by default there is nothing to close
         """Leave nothing behind after the run."""
 
-    def start(self) -> History:
-        """Return the history at t = 0: the first knot, and x(0) as a segment of no length."""
-        phi, slope, x = self._line.value, self._line.slope, self.x
-        here = Segment(0.0, 0.0, 0.0, phi, slope, self._u, x, x[None], self.p[None])
-        return [DisturbanceKnot(0.0, phi), here]
+    def _segment_at_start(self, phi: Array, slope: Array) -> Segment:
+        x = self.x
+        return Segment(0.0, 0.0, 0.0, phi, slope, self._u, x, x[None], self.p[None])
 
     def hold(self, i: int, u: Array | float) -> None:
         """Make agent i's actuator hold u, shape (m_i,), from now on."""
@@ -97,8 +93,23 @@ class Integration:
         """Return the input that agent i's actuator holds, shape (m_i,)."""
         return self._u[self.inputs[i]].copy()
 
+    @abstractmethod
     def integrate(self, until: float) -> History:
         """Integrate to `until` [s], in steps no longer than the scenario's integration step."""
+
+
+class RungeKutta(Integration):
+    """The motion of the declared dynamics, under the drawn disturbances."""
+
+    def __init__(self, rows: SafetyRows) -> None:
+        super().__init__(rows.swarm)
+        self._disturbances = SwarmDisturbance(rows)
+        line = self._line = self._disturbances.line(0.0, self.x)
+        at_start = self._segment_at_start(line.value, line.slope)
+        self.start = [DisturbanceKnot(0.0, line.value), at_start]
+
+    def integrate(self, until: float) -> History:
+        """Integrate to `until` [s], to each knot of a disturbance."""
         history: History = []
         while self.t < until:
             if self._line.end <= self.t:
@@ -139,10 +150,10 @@ class World:
     def __init__(self, rows: SafetyRows, integration: Integration | None = None) -> None:
         """Start at x(0), with every actuator at zero; integration: default of declared dynamics."""
         self.swarm = rows.swarm
-        self.integration = integration or Integration(rows)
+        self.integration = integration or RungeKutta(rows)
         """Integrates this world; with lookahead it runs ahead, and the world follows."""
         self.t, self.x, self.p = 0.0, self.integration.x, self.integration.p
-        self._history = self.integration.start()
+        self._history = self.integration.start
 
     def take_history(self) -> History:
         """Remove and return the history since the last call."""

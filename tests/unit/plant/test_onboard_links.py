@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.schedule import OnboardLinks, Schedule
+from phalanx_plant.sampling.sampling import OnboardLinks, Schedule
 
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError

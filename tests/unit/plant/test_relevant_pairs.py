@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.world import relevant_pairs
-from phalanx_plant.world.composition import LargestPsi, LogSumExp
-from phalanx_plant.world.relevant_pairs import PairValues, RelevantPairs
+from phalanx_plant.world import evaluation
+from phalanx_plant.world.evaluation import LargestPsi, LogSumExp, PairValues, RelevantPairs
 
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -19,10 +18,10 @@ def both(rows: SafetyRows, monkeypatch: pytest.MonkeyPatch) -> tuple[RelevantPai
     """One that searches for relevant pairs, and one that evaluates every pair."""
     functions = LargestPsi(rows).functions
     for limit in ("_FEW", "_FEW_ROWS"):
-        monkeypatch.setattr(relevant_pairs, limit, 0)
+        monkeypatch.setattr(evaluation, limit, 0)
     looking = RelevantPairs(rows.swarm, functions)
     for limit in ("_FEW", "_FEW_ROWS"):
-        monkeypatch.setattr(relevant_pairs, limit, 1_000_000)
+        monkeypatch.setattr(evaluation, limit, 1_000_000)
     return looking, RelevantPairs(rows.swarm, functions)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from phalanx_plant.world.world import Integration, Segment
+from phalanx_plant.world.world import RungeKutta, Segment
 
 from phalanx.extend import WorldAgent, WorldStates
 from phalanx.seeded.draws import Draws
@@ -190,7 +190,7 @@ class Declared:
         self._rows = rows
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
-        self._integration = Integration(self._rows)
+        self._integration = RungeKutta(self._rows)
         self._agents = {agent.name: i for i, agent in enumerate(agents)}
 
     def reseed(self, seed: int) -> None:

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.world.composition import LargestPsi, LogSumExp
+from phalanx_plant.world.evaluation import LargestPsi, LogSumExp
 
 from phalanx.recording.curves.values import SafetyValues
 from phalanx.scenario.load import shipped

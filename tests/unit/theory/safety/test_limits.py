@@ -3,8 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.world.composition import LargestPsi
-from phalanx_plant.world.relevant_pairs import RelevantPairs
+from phalanx_plant.world.evaluation import LargestPsi, RelevantPairs
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
