@@ -218,6 +218,17 @@ class Run:
 
         return verify(self.recording, engine=engine, seed=seed, progress=progress)
 
+    def judge_again(self) -> Summary:
+        """Judge the recorded inputs again, without the agents that decided them.
+
+        The summary equals the recorded one but for wall time and dropped payloads. Raises
+        UnreadableRecordingError: there is no verdict, the run was in real time, or its inputs give
+        another trajectory.
+        """
+        from phalanx_plant.rejudgement import judge_again
+
+        return judge_again(self.recording)
+
     @cached_property
     def _swarm(self) -> Swarm:
         return swarm_of(self.recording)

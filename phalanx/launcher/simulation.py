@@ -18,6 +18,7 @@ from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.observers.recorder import RecordSink
 from phalanx_plant.run import ENDINGS, End, PlantRun, ended_by
+from phalanx_plant.sampling.sampling import NoProcesses
 from phalanx_plant.world.events import SwarmBrokenError
 
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -178,7 +179,7 @@ class RecordsInMemory:
         return Recording(Path(), scenario, {}, self._of[State], self._of[Step])
 
 
-class DirectAgents:
+class DirectAgents(NoProcesses):
     """The agents of one run, in the plant's own process and thread."""
 
     def __init__(self, rows: SafetyRows, progress: Progress) -> None:
@@ -215,15 +216,6 @@ class DirectAgents:
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """Return agent i's report on sample k."""
         return self._telemetry.pop((i, k))
-
-    def pause(self, i: int, t: float) -> None:
-        """Do nothing: there is no process to stop, and the plant sends no samples meanwhile."""
-
-    def resume(self, i: int, t: float) -> None:
-        """Do nothing, as pause."""
-
-    def kill(self, i: int, order: Sample) -> None:
-        """Do nothing, as pause."""
 
     def restart(self, i: int, t: float) -> None:
         """Replace agent i's control step by a new one, unless a controller decides for several."""

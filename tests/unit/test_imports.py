@@ -111,7 +111,7 @@ BUDGET: Mapping[str, int] = {
     "launcher": 2280,
     "messages": 980,
     "network": 1480,
-    "plant": 4880,
+    "plant": 5000,
     "recording": 2040,
     "report": 2320,
     "scenario": 1540,

@@ -174,6 +174,22 @@ class Processes(Protocol):
         """Replace the dead agent i's process by another at t [s]."""
 
 
+class NoProcesses:
+    """Processes of agents that run in the plant's own, which sends them no samples meanwhile."""
+
+    def pause(self, i: int, t: float) -> None:
+        """Do nothing."""
+
+    def resume(self, i: int, t: float) -> None:
+        """Do nothing."""
+
+    def kill(self, i: int, order: Sample) -> None:
+        """Do nothing."""
+
+    def restart(self, i: int, t: float) -> None:
+        """Do nothing."""
+
+
 class Sampling:
     """The samples of all agents of a run."""
 

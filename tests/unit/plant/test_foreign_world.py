@@ -99,7 +99,8 @@ def ran(tmp_path):
 
 def test_nothing_runs_ahead_of_a_world():
     rows = rows_of_scenario("swarm2d")
-    chosen = look_ahead(World(rows)), look_ahead(World(rows, ForeignIntegration(rows.swarm, Still())))
+    foreign = ForeignIntegration(rows.swarm, Still())
+    chosen = look_ahead(World(rows)), look_ahead(World(rows, foreign))
     assert [each.sequential for each in chosen] == [False, True]
 
 
