@@ -103,9 +103,9 @@ class RecordedAgents(NoProcesses):
         faults = {(name, k): names for name, k, names in step.faults}
         fates = []
         for name, k, delay in step.fates:
-            sent, claim = self._steps.get((self._index[name], k)), false.get((name, k))
-            if claim is None and sent is not None and delay >= 0.0:
-                claim = AnnouncedInput(sent.t + latency, sent.u)
+            origin, claim = self._steps.get((self._index[name], k)), false.get((name, k))
+            if claim is None and origin is not None and delay >= 0.0:
+                claim = AnnouncedInput(origin.t + latency, origin.u)
             # The judge finds lies by itself.
             numbers = [links.declared.index(fault) for fault in faults.get((name, k), ())]
             of_links = tuple(n for n in numbers if n not in links.lies(name).declared)

@@ -170,8 +170,8 @@ class PlantRun:
     def complete(self) -> End:
         """Judge a run that went to the end of its scenario."""
         self._publisher.show(math.inf)
-        found = self.judge.findings()
-        return End(*judge(found.violations, found.assumptions, found.theorem, found.excluded))
+        f = self.judge.findings()
+        return End(*judge(f.violations, f.assumptions, f.theorem, f.excluded))
 
     def summary(self, end: End, wall: float, rejected: Mapping[str, int]) -> Summary:
         """Return the key figures of a run that ended; wall: its wall time [s]."""

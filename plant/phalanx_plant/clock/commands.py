@@ -163,8 +163,8 @@ class CommandQueue:
                 raise Malformed("out of order")
             if refusal(message.command, self._names):
                 raise Malformed("wrong command")
-            asked = message.command.kind, message.command.value
-            if self._real_time and asked == (CommandKind.SPEED, 0.0):
+            kind_and_value = message.command.kind, message.command.value
+            if self._real_time and kind_and_value == (CommandKind.SPEED, 0.0):
                 raise Malformed("speed 0 in real time")
         except Malformed as reason:
             self.refusals.add(key, f"command: {reason}")

@@ -99,7 +99,7 @@ class Lookahead:
         self._unknown: dict[int, _Unknown] = {}
         self._ahead: deque[Piece] = deque()
         """The history ahead of the world."""
-        self._done = 0
+        self._first_ahead = 0
         """Number of the first piece of it."""
 
     @property
@@ -111,7 +111,7 @@ class Lookahead:
         """Integrate agent i as NaN until its input is known."""
         now = self._integration
         x, p = now.x[self._parts[i]].copy(), now.p[i].copy()
-        self._unknown[i] = _Unknown(now.t, x, p, now.held(i), self._done + len(self._ahead))
+        self._unknown[i] = _Unknown(now.t, x, p, now.held(i), self._first_ahead + len(self._ahead))
         now.hold(i, np.nan)
 
     def end_unknown(self, i: int, u: Array | None) -> None:
@@ -119,7 +119,7 @@ class Lookahead:
         begun, part = self._unknown.pop(i), self._parts[i]
         held, x = begun.u if u is None else u, begun.x
         self._integration.hold(i, held)
-        for piece in islice(self._ahead, begun.since - self._done, None):
+        for piece in islice(self._ahead, begun.since - self._first_ahead, None):
             if isinstance(piece, Segment):
                 # The last one shares its arrays with the integration's state.
                 # So does the next one's start.
@@ -140,7 +140,7 @@ class Lookahead:
         ahead, passed = self._ahead, list[Piece]()
         while ahead and ahead[0].t < until:
             passed.append(ahead.popleft())
-        self._done += len(passed)
+        self._first_ahead += len(passed)
         self._world.follow(passed)
 
     def required(self, sampling: Sequence[int]) -> list[int]:

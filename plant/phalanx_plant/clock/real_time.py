@@ -137,7 +137,7 @@ class RealTime:
         self.timekeeping = Timekeeping([group.clock.period for group in world.swarm.groups])
         self._sampling, self._schedule = sampling, sampling.schedule
         self._agents, self._events, self._commands = agents, events, commands
-        self._sent: dict[int, _SentSample] = {}
+        self._pending: dict[int, _SentSample] = {}
         """By agent."""
         self._answers: dict[int, _Answer] = {}
         """By agent, answers to these samples that have arrived."""
@@ -195,24 +195,24 @@ class RealTime:
 
     def _may_sample(self, i: int) -> bool:
         """Return whether agent i can take a sample at the current tick; else skip the tick."""
-        sent = self._sent.get(i)
-        if sent is None:
+        pending = self._pending.get(i)
+        if pending is None:
             return True
-        if i in self._answers or time.monotonic() < sent.wall + _PATIENCE:
+        if i in self._answers or time.monotonic() < pending.wall + _PATIENCE:
             self._miss(i)
             return False
         self.timekeeping.unanswered += 1
         if i in self._restarting:
             self._agents.restart(i, self.world.t)  # the first request may have been too early
-        del self._sent[i]
+        del self._pending[i]
         return True
 
     def _apply(self, i: int, t: float) -> None:
         """Let agent i's input take effect at t [s]."""
-        sent, u = self._sent.pop(i), self._answers.pop(i).u
-        sample = sent.sample
-        self.timekeeping.late += t > sent.due
-        if sent.lost:
+        pending, u = self._pending.pop(i), self._answers.pop(i).u
+        sample = pending.sample
+        self.timekeeping.late += t > pending.due
+        if pending.lost:
             self._now.append(InputLost(i, sample.k, sample.t, t, u))
         else:
             self.world.apply(i, u)
@@ -225,7 +225,7 @@ class RealTime:
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
             sample, truthful = self._sampling.take(i, now, x, visible, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._sent[i] = _SentSample(sample, time.monotonic(), takes_effect, lost)
+            self._pending[i] = _SentSample(sample, time.monotonic(), takes_effect, lost)
             self._now.append(Sampled(i, now, truthful))
             self._agents.send_sample(i, sample)
             while self._schedule.tick(i) <= now:
@@ -250,11 +250,11 @@ class RealTime:
         self._events.idle()
         self._agents.listen(wait(until))
         for i in self._computing:
-            u, sent = self._agents.take_reported(i), self._sent[i]
+            u, pending = self._agents.take_reported(i), self._pending[i]
             if u is not None:
                 now = self._commands.pace.now()
-                self._answers[i] = _Answer(max(now, sent.due), u)
-                self.timekeeping.answered(time.monotonic() - sent.wall)
+                self._answers[i] = _Answer(max(now, pending.due), u)
+                self.timekeeping.answered(time.monotonic() - pending.wall)
 
     def _may_judge(self, seconds: float) -> bool:
         """Return whether to judge an event, if something is due in `seconds` of wall time."""
@@ -265,4 +265,4 @@ class RealTime:
     @property
     def _computing(self) -> list[int]:
         """Agents that have not answered."""
-        return [i for i in self._sent if i not in self._answers]
+        return [i for i in self._pending if i not in self._answers]

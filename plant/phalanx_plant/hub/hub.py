@@ -74,7 +74,9 @@ class Hub:
         self._timeout, self._names = swarm.time.timeout, swarm.names
         self._check_stop = check_stop
         programs = swarm.programs
-        self._alone = {swarm.names.index(own[0]) for own in programs.values() if len(own) == 1}
+        self._alone = {
+            swarm.names.index(agents[0]) for agents in programs.values() if len(agents) == 1
+        }
         """The agents that have a process of their own."""
         self._stopped: set[str] = set()
         self._mute: set[int] = set()
@@ -153,8 +155,7 @@ class Hub:
     def restart(self, i: int, t: float) -> None:
         """Request another process for the dead agent i at t [s]."""
         if i in self._alone:
-            wanted = (self._names[i],)
-            self.publish_status(Status(t=t, waiting_for=wanted, restart=True))
+            self.publish_status(Status(t=t, waiting_for=(self._names[i],), restart=True))
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """Wait for agent i's report on its sample k.

@@ -59,8 +59,8 @@ class Joining:
 
     def take_changes(self) -> list[tuple[int, bool]]:
         """Return agents that were lost or came back since the last call: (i, is back)."""
-        taken, self._changes = self._changes, []
-        return taken
+        changes, self._changes = self._changes, []
+        return changes
 
     def on_token(self, key: str, alive: bool) -> str | None:
         """Handle a token's appearance or disappearance; return an error message, or None."""

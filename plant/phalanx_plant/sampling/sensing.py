@@ -94,7 +94,7 @@ class Contacts:
         self._heard: list[tuple[int, ...]] = [() for _ in range(agents)]
         """For each agent, the receivers of its newest broadcast."""
         never = (-math.inf, -1)
-        self._sent = [deque([never, never], maxlen=2) for _ in range(agents)]
+        self._broadcasts = [deque([never, never], maxlen=2) for _ in range(agents)]
         """For each agent, (time, number) of its last two broadcasts."""
 
     def existing(
@@ -108,7 +108,7 @@ class Contacts:
         firsts, since = self._first[i], [-1 for _ in senders]
         latest = since.copy()
         for index, j in enumerate(senders):
-            (_, before), (at, newest) = self._sent[j]
+            (_, before), (at, newest) = self._broadcasts[j]
             k = newest if at < t else before
             if j in firsts and firsts[j] <= k:
                 since[index], latest[index] = firsts[j], k
@@ -131,4 +131,4 @@ class Contacts:
         for l in hearers:
             if i not in firsts[l]:
                 firsts[l][i] = k
-        self._sent[i].append((t + self._latency, k))
+        self._broadcasts[i].append((t + self._latency, k))

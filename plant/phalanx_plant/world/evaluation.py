@@ -224,12 +224,12 @@ class RelevantPairs:
             if not self._complete(positions, values[..., 0]):
                 self._choose(self._every)
                 values = self._chosen(x)
-        return PairValues(self._which, values, self._least(values[..., 0]))
+        return PairValues(self._chosen_numbers, values, self._least(values[..., 0]))
 
     def _choose(self, pairs: Index) -> None:
         self._chosen = self._functions.choose(pairs)
         a, b = self._chosen.pairs.T
-        self._which = self._numbers[a, b]
+        self._chosen_numbers = self._numbers[a, b]
         self._from: Array | None = None
 
     def _least(self, h: Array) -> Array:
@@ -237,7 +237,7 @@ class RelevantPairs:
         if self._function is None:
             return np.full(len(h), -np.inf)
         # If pairs are missing, the largest h found is too small, which is safe.
-        counted = np.where(self.excluded[self._which], -np.inf, h)
+        counted = np.where(self.excluded[self._chosen_numbers], -np.inf, h)
         least: Array = np.minimum(0.0, counted.max(axis=1) - self._negligible)
         return least
 
@@ -275,5 +275,5 @@ def _spatial_index() -> Callable[[Array], Any]:
     """Import cKDTree, which takes most of a second: small swarms do without it."""
     from scipy.spatial import cKDTree
 
-    found: Callable[[Array], Any] = cKDTree
-    return found
+    index: Callable[[Array], Any] = cKDTree
+    return index

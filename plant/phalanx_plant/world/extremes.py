@@ -128,8 +128,8 @@ class PairExtremes:
         numbers, times, pairs, h, h_tot, *_ = steps
         excluded = self._is_excluded[pairs]
         counted = np.where(excluded, -np.inf, h) if excluded.any() else h
-        which = counted.argmax(axis=1)
-        columns = h_tot, times, counted[np.arange(len(h)), which], pairs[which]
+        column = counted.argmax(axis=1)
+        columns = h_tot, times, counted[np.arange(len(h)), column], pairs[column]
         largest = list(zip(*(column.tolist() for column in columns), strict=True))
         ends = np.flatnonzero(np.diff(numbers)) + 1
         for begin, end in pairwise([0, *ends.tolist(), len(numbers)]):

@@ -130,16 +130,16 @@ class RungeKutta(Integration):
 class DivergedError(ArithmeticError):
     """The true dynamics, or h along them, is no longer finite."""
 
-    def __init__(self, what: str, t: float, check: str = "dynamics and laws") -> None:
-        """Name the number that diverged.
+    def __init__(self, quantity: str, t: float, check: str = "dynamics and laws") -> None:
+        """Name the quantity that diverged.
 
         Args:
-            what: the number.
+            quantity: a number, or several.
             t: when, at the latest [s].
             check: the code that may cause it.
         """
         super().__init__(
-            f"{what} is no longer finite at t = {t:.3f} s: check {check} for divisions by zero "
+            f"{quantity} is no longer finite at t = {t:.3f} s: check {check} for divisions by zero "
             "and unbounded growth"
         )
 

@@ -137,9 +137,9 @@ def test_one_relative_degree_is_asked_for():
     mixed = [Member("p", point, False), Member("d", heavy, True)]
     with pytest.raises(RelativeDegreeError, match="inputs of p appear in ψ_1, those of d only"):
         SwarmPairs(mixed, (), Separation(1.0), 1)
-    alike = [Member("p", point, False), Member("q", point, True)]
+    points = [Member("p", point, False), Member("q", point, True)]
     with pytest.raises(RelativeDegreeError, match="expected 1 gains"):
-        SwarmPairs(alike, (), Separation(1.0), 2)
+        SwarmPairs(points, (), Separation(1.0), 2)
     heavier = [Member("p", heavy, False), Member("q", heavy, True)]
     with pytest.raises(RelativeDegreeError, match="above 1: give one"):
         SwarmPairs(heavier, (), Separation(1.0), 1)
