@@ -1,5 +1,8 @@
 """Actuators take no input outside the polytope at the sampled state."""
 
+from dataclasses import dataclass
+
+import casadi as ca
 import numpy as np
 import pytest
 from phalanx_plant.world.world import Actuators
@@ -27,44 +30,69 @@ def test_an_actuator_takes_no_input_outside_its_polytope(i, u, admitted):
     assert actuators.takes(i, np.zeros(3), np.array(u)) == admitted
 
 
-SHRINKING = '''
-from dataclasses import dataclass
-import casadi as ca
-
 @dataclass(frozen=True)
-class Shrinking:
-    """A point whose speed bounds shrink away from the origin."""
+class Point:
+    """A point that moves as its inputs say."""
+
     inputs: tuple[str, ...] = ("vx", "vy")
     states = ("x", "y")
-    def drift(self, x): return ca.SX.zeros(2)
-    def actuation(self, x): return ca.SX.eye(2)[:, :len(self.inputs)]
-    def position(self, x): return x
+
+    def drift(self, x):
+        return ca.SX.zeros(2)
+
+    def actuation(self, x):
+        return ca.SX.eye(2)[:, : len(self.inputs)]
+
+    def position(self, x):
+        return x
+
+    def input_metric(self):
+        return (1.0,) * len(self.inputs)
+
+
+@dataclass(frozen=True)
+class Shrinking(Point):
+    """Its speed bounds shrink away from the origin."""
+
     def input_polytope(self, x):
         m = len(self.inputs)
-        b = 1 / (1 + x[0] ** 2) * ca.SX.ones(2 * m)
-        return ca.vertcat(ca.SX.eye(m), -ca.SX.eye(m)), b
-    def input_metric(self): return (1.0,) * len(self.inputs)
+        return ca.vertcat(ca.SX.eye(m), -ca.SX.eye(m)), 1 / (1 + x[0] ** 2) * ca.SX.ones(2 * m)
+
+
+@dataclass(frozen=True)
+class Needle(Point):
+    """It goes ahead at up to 1, or at more with next to no angle between its bounds."""
+
+    angle: float = 1e-4
+    varying: bool = False
+
+    def input_polytope(self, x):
+        A = ca.SX([[self.angle, 1.0], [self.angle, -1.0], [-1.0, 0.0]])
+        scale = 100.0 + x[0] ** 2 if self.varying else 100.0
+        return scale * A, scale * ca.SX([0.0, 0.0, 1.0])
+
 
 @dataclass
 class Rest:
     """Wants to stay."""
+
     def prepare(self, dynamics): ...
+
     def input(self, view): ...
-'''
+
+
+def actuators_of(kind: str, **fields) -> Actuators:
+    overrides = {
+        "agents.0.dynamics": {"type": f"{__name__}:{kind}", **fields},
+        "agents.0.law": {"type": f"{__name__}:Rest"},
+        "agents.0.spread": [],
+    }
+    return Actuators(build_swarm(load("unicycles", overrides)))
 
 
 @pytest.mark.parametrize("inputs", [["vx", "vy"], ["vx"]], ids=["two inputs", "one input"])
-def test_an_actuator_whose_polytope_varies_is_held_to_the_one_at_the_sampled_state(
-    inputs, tmp_path, monkeypatch
-):
-    (tmp_path / "shrinking_user.py").write_text(SHRINKING)
-    monkeypatch.syspath_prepend(tmp_path)
-    overrides = [
-        f"agents.0.dynamics={{ type = 'shrinking_user:Shrinking', inputs = {inputs} }}",
-        "agents.0.law={ type = 'shrinking_user:Rest' }",
-        "agents.0.spread=[]",
-    ]
-    actuators = Actuators(build_swarm(load("unicycles", overrides)))
+def test_an_actuator_whose_polytope_varies_is_held_to_the_one_at_the_sampled_state(inputs):
+    actuators = actuators_of("Shrinking", inputs=inputs)
     x, rest = np.zeros(2), (0.0,) * (len(inputs) - 1)
     assert actuators.takes(0, x, np.array((1.0, *rest)))
     x[0] = 3.0
@@ -74,46 +102,10 @@ def test_an_actuator_whose_polytope_varies_is_held_to_the_one_at_the_sampled_sta
     assert actuators.takes(0, x, np.array((1.0, *rest)))
 
 
-NEEDLE = '''
-from dataclasses import dataclass
-import casadi as ca
-
-@dataclass(frozen=True)
-class Needle:
-    """A point that goes ahead at up to 1, or at more with next to no angle between its bounds."""
-    angle: float
-    varying: bool = False
-    states, inputs = ("x", "y"), ("vx", "vy")
-    def drift(self, x): return ca.SX.zeros(2)
-    def actuation(self, x): return ca.SX.eye(2)
-    def position(self, x): return x
-    def input_polytope(self, x):
-        A = ca.SX([[self.angle, 1.0], [self.angle, -1.0], [-1.0, 0.0]])
-        scale = 100.0 + x[0] ** 2 if self.varying else 100.0
-        return scale * A, scale * ca.SX([0.0, 0.0, 1.0])
-    def input_metric(self): return (1.0, 1.0)
-
-@dataclass
-class Rest:
-    """Wants to stay."""
-    def prepare(self, dynamics): ...
-    def input(self, view): ...
-'''
-
-
-@pytest.mark.parametrize("varying", ["false", "true"])
-def test_beyond_the_point_of_a_needle_an_actuator_admits_no_more_than_beyond_a_face(
-    varying, tmp_path, monkeypatch
-):
+@pytest.mark.parametrize("varying", [False, True])
+def test_beyond_the_point_of_a_needle_an_actuator_admits_no_more_than_beyond_a_face(varying):
     """(0.09, 0) is 1e-5 above both rows of the point, and a hand's breadth from the polytope."""
-    (tmp_path / "needle_user.py").write_text(NEEDLE)
-    monkeypatch.syspath_prepend(tmp_path)
-    overrides = [
-        f"agents.0.dynamics={{ type = 'needle_user:Needle', angle = 1e-4, varying = {varying} }}",
-        "agents.0.law={ type = 'needle_user:Rest' }",
-        "agents.0.spread=[]",
-    ]
-    actuators, x = Actuators(build_swarm(load("unicycles", overrides))), np.zeros(2)
+    actuators, x = actuators_of("Needle", varying=varying), np.zeros(2)
     assert actuators.takes(0, x, np.array((0.0, 0.0)))
     assert actuators.takes(0, x, np.array((-1.0, 1e-4)))
     assert actuators.takes(0, x, np.array((9e-6, 0.0)))

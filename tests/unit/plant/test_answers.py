@@ -1,16 +1,15 @@
 """Answers of agents: one to each sample, and none twice."""
 
-import msgspec
 import pytest
 from msgspec.structs import replace
 from phalanx_plant.hub.answers import Answers
 
 from phalanx.messages.keys import Keys
-from phalanx.messages.kinds import Actuation, Sample, Telemetry
+from phalanx.messages.kinds import Actuation, Sample
 from phalanx.messages.seal import Malformed, Sealer
-from phalanx.messages.step_report import StepReport
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.theory.rows.origin import Origin
+from tests.unit.plant.reports import STEP, report
 from tests.unit.swarms import swarm_of_scenario
 
 KEYS, SEALER = Keys("run"), Sealer(b"secret")
@@ -42,7 +41,6 @@ def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample(answ
     assert answers.take_input(0) is None
 
 
-MADE = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
 GOOD = Actuation(k=1, t_apply=0.01, u=(1.0, 0.0))
 
 
@@ -63,7 +61,7 @@ def test_an_actuation_that_is_not_the_answer_is_refused(
         answers.on_actuation(0, GOOD)  # to no sample
     answers.expect(0, sample(1))
     with pytest.raises(Malformed, match=reason):
-        answers.on_actuation(0, msgspec.structs.replace(GOOD, **changes))
+        answers.on_actuation(0, replace(GOOD, **changes))
     answers.on_actuation(0, GOOD)
     assert answers.take_input(0).tolist() == [1.0, 0.0]
 
@@ -71,11 +69,10 @@ def test_an_actuation_that_is_not_the_answer_is_refused(
 def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice(answers: Answers):
     answers.expect(0, sample(0))
     answers.expect(0, sample(1))
-    report = Telemetry(k=0, report=MADE, ages=())
-    answers.on_telemetry(0, report)
-    assert answers.take_telemetry(0, 0) == report
+    answers.on_telemetry(0, report(0))
+    assert answers.take_telemetry(0, 0) == report(0)
     with pytest.raises(Malformed, match="out of order"):
-        answers.on_telemetry(0, report)
+        answers.on_telemetry(0, report(0))
 
 
 SAID = AnnouncedInput(0.0, (1.0, 0.0))
@@ -97,9 +94,8 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
 ):
     for i in (0, 1):
         answers.expect(i, sample(0))
-    report = Telemetry(k=0, report=MADE, ages=(), fates=(fate,))
     with pytest.raises(Malformed, match="unknown broadcast"):
-        answers.on_telemetry(0, report)
+        answers.on_telemetry(0, report(0, fates=(fate,)))
 
 
 @pytest.mark.parametrize(
@@ -107,14 +103,13 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
     [
         ({"convictions": (Conviction(5, 0.0, 1.0, 0.1),)}, "unknown sender"),
         ({"convictions": (Conviction(-1, 0.0, 1.0, 0.1),)}, "unknown sender"),
-        ({"report": replace(MADE, origin=Origin.PROVEN)}, "unknown origin"),
+        ({"report": replace(STEP, origin=Origin.PROVEN)}, "unknown origin"),
     ],
 )
 def test_a_report_of_agents_or_origins_that_there_are_not_is_refused(changes, reason, answers):
     answers.expect(0, sample(0))
-    report = replace(Telemetry(k=0, report=MADE, ages=()), **changes)
     with pytest.raises(Malformed, match=reason):
-        answers.on_telemetry(0, report)
+        answers.on_telemetry(0, replace(report(0), **changes))
 
 
 def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answers):
@@ -142,6 +137,5 @@ def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answer
 def test_an_agents_words_on_its_failure_are_quoted_as_its_own(answers: Answers, failed, quoted):
     key = KEYS.telemetry("1")
     answers.expect(0, sample(0))
-    report = Telemetry(k=0, report=MADE, ages=(), failed=failed)
-    reason = answers.accept(key, SEALER.seal(key, report))
+    reason = answers.accept(key, SEALER.seal(key, report(0, failed=failed)))
     assert reason == f"agent 1 failed; it says: {quoted}"

@@ -10,38 +10,17 @@ from phalanx_certify.checker.intervals import UncertifiableError
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
+from tests.unit.plant.points import POINTS, group
 
-LINE = {
-    "name": "line",
-    "duration": 1.0,
-    "safety": {
-        "function": {"type": "separation", "radius": 1.0},
-        "rho": 5.0,
-        "alpha": [1.0],
-        "eta": 0.0,
-    },
-    "obstacles": [{"center": [0.0, 5.0], "clearance": 3.0}],
-}
-
-
-def agent(name: str, role: str, start: list[float], law: str) -> dict:
-    return {
-        "names": [name],
-        "role": role,
-        "dynamics": {"type": "single-integrator", "speed": 2.0},
-        "law": {"type": law},
-        "clock": {"period": 0.01},
-        "start": [start],
-    }
+LINE = {**POINTS, "obstacles": [{"center": [0.0, 5.0], "clearance": 3.0}]}
 
 
 @pytest.mark.slow
 def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(tmp_path: Path):
     """The obstacle is intruded upon most deeply, and from the start; the pair leaves later."""
-    hunted = agent("hunted", "normal", [0.0, 2.5], "track-velocity")
-    hunter = agent("hunter", "adversary", [2.5, 2.5], "pursue")
     # An agent that cannot move is caught.
-    hunted["dynamics"]["speed"] = 1e-3
+    hunted = group("hunted", "normal", [[0.0, 2.5]], "track-velocity", speed=1e-3)
+    hunter = group("hunter", "adversary", [[2.5, 2.5]], "pursue")
     scenario = phalanx.load({**LINE, "agents": [hunted, hunter]})
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
     exits = run.events.filter(run.events["text"].str.contains("left the safe set"))
@@ -57,7 +36,7 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
 @pytest.mark.slow
 def test_the_log_says_when_a_pair_is_safe_again():
     """An agent that starts within an obstacle's clearance gets out of it."""
-    intruder = agent("intruder", "normal", [0.0, 2.1], "track-velocity")
+    intruder = group("intruder", "normal", [[0.0, 2.1]], "track-velocity")
     pushed = {**LINE, "safety": {**LINE["safety"], "eta": 4.0}, "agents": [intruder]}
     run = phalanx.run(phalanx.load(pushed), engine="in-process")
     (violation,) = run.summary.violations
@@ -124,9 +103,8 @@ def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency:
 
 def test_an_agent_from_far_away_counts_in_certificates_when_it_is_near():
     """The pairs that may meet are not looked up at each input."""
-    hunted = agent("hunted", "normal", [0.0, 0.0], "track-velocity")
-    hunter = agent("hunter", "adversary", [2.5, 0.0], "pursue")
-    hunted["dynamics"]["speed"] = 1e-3
+    hunted = group("hunted", "normal", [[0.0, 0.0]], "track-velocity", speed=1e-3)
+    hunter = group("hunter", "adversary", [[2.5, 0.0]], "pursue")
     run = phalanx.run(phalanx.load({**LINE, "agents": [hunted, hunter]}), engine="in-process")
     times = certified(run)
     assert min(times) == 0.0

@@ -16,12 +16,11 @@ from phalanx_plant.world.world import DivergedError
 import phalanx
 from phalanx.guarantee.verdict import Summary
 from phalanx.messages.kinds import Telemetry
-from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import read
 from phalanx.recording.records import Step
 from phalanx.recording.write import RecordingError
-from phalanx.theory.rows.origin import Origin
 from tests.layers import layered
+from tests.unit.plant.reports import report
 
 pytestmark = pytest.mark.slow
 
@@ -49,8 +48,7 @@ class Desk:
 def reported(i: int, k: int) -> Telemetry:
     if i:
         raise KeyError(i)
-    made = StepReport(origin=Origin.QP, residual=0.0, solve_time=0.0)
-    return Telemetry(k=k, report=made, ages=())
+    return report(k)
 
 
 def queue_of(desk: Desk) -> EventQueue:

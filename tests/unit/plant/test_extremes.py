@@ -1,5 +1,7 @@
 """Pair truth: when which pair left the safe set, how far and how long."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from phalanx_plant.world.evaluation import EvaluatedSteps
@@ -23,11 +25,17 @@ def show(
     table = np.full((len(times), len(labels())), -50.0)
     for name, values in h.items():
         table[:, labels().index(name[1:].replace("_", "-"))] = values
-    zeros, all_pairs = np.zeros(len(times), dtype=np.intp), np.arange(len(labels()))
-    h_tot, none = table.max(axis=1) + 0.01, np.zeros(0)
-    truth.add(EvaluatedSteps(zeros, np.array(times), all_pairs, table, h_tot, none, zeros == 0))
+    truth.add(steps(times, table, table.max(axis=1) + 0.01))
     (peak, _), crossings = truth.take(0)
     return peak, [(t, truth.label(pair), unsafe) for t, pair, unsafe in crossings]
+
+
+def steps(
+    times: list[float], h: np.ndarray, h_tot: np.ndarray, numbers: Sequence[int] = ()
+) -> EvaluatedSteps:
+    """Steps with the h of all pairs, of history 0 or of histories by number."""
+    of, every = np.array(numbers or [0] * len(times)), np.arange(len(labels()))
+    return EvaluatedSteps(of, np.array(times), every, h, h_tot, np.zeros(0), of >= 0)
 
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
@@ -73,10 +81,7 @@ def test_the_worst_h_is_of_the_worst_pair_and_not_where_h_tot_is_largest():
     """Many pairs that are nearly unsafe make a larger h_tot than one that is."""
     truth = PairExtremes(pairs())
     show(truth, [0.1], p1_2=[0.3])
-    (steps,) = [np.full((1, len(labels())), -0.001)]
-    zero = np.zeros(1, dtype=np.intp)
-    every, h_tot = np.arange(len(labels())), np.array([0.9])
-    truth.add(EvaluatedSteps(zero, np.array([0.2]), every, steps, h_tot, np.zeros(0), zero == 0))
+    truth.add(steps([0.2], np.full((1, len(labels())), -0.001), np.array([0.9])))
     truth.take(0)
     assert (truth.worst_h, truth.worst_at, truth.worst_pair) == (0.3, 0.1, "1-2")
     assert (truth.largest_h_tot, truth.largest_h_tot_at) == (0.9, 0.2)
@@ -85,12 +90,9 @@ def test_the_worst_h_is_of_the_worst_pair_and_not_where_h_tot_is_largest():
 
 def test_a_history_counts_once_it_is_taken_and_not_when_it_is_evaluated():
     """Events are judged one by one, long after the states of many were evaluated together."""
-    truth, none = PairExtremes(pairs()), np.zeros(0)
-    numbers, every = np.array([0, 0, 1]), np.arange(len(labels()))
-    table = np.full((3, len(labels())), -1.0)
+    truth, table = PairExtremes(pairs()), np.full((3, len(labels())), -1.0)
     table[2, 0] = 0.5
-    times, h_tot, resolved = np.array([0.1, 0.2, 0.3]), table.max(axis=1), numbers >= 0
-    truth.add(EvaluatedSteps(numbers, times, every, table, h_tot, none, resolved))
+    truth.add(steps([0.1, 0.2, 0.3], table, table.max(axis=1), [0, 0, 1]))
     assert truth.take(0) == ((-1.0, -1.0), [])
     assert (truth.worst_h, truth.violations()) == (-1.0, [])
     assert truth.take(1) == ((0.5, 0.5), [(0.3, 0, True)])

@@ -34,19 +34,16 @@ def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
 
 
-class Terse:
-    """A world that returns times and states, and no notes."""
-
-    def advance(self, until):
-        return SimpleNamespace(t=[until], x={})
-
-
 def test_a_world_without_notes_says_that_nothing_else_happened():
-    assert advanced(Terse(), [], 0.0, 0.001, step=0.001).notes == ()
+    terse = SimpleNamespace(advance=lambda until: SimpleNamespace(t=[until], x={}))
+    assert advanced(terse, [], 0.0, 0.001, step=0.001).notes == ()
 
 
-@pytest.mark.parametrize("world", [worlds.Unicycles, worlds.Slippery])
+@pytest.mark.parametrize(
+    "world", [worlds.Unicycles, worlds.Slippery, lambda: worlds.Fickle(determinism="none")]
+)
 def test_a_world_of_ones_own_passes(world):
+    """One without determinism need not repeat itself."""
     check_world(world, robots())
 
 
@@ -54,6 +51,7 @@ def test_a_world_of_ones_own_passes(world):
     ("world", "rule"),
     [
         (worlds.Forgetful, "two advances are one"),
+        (lambda: worlds.Forgetful(determinism="none"), "two advances are one"),
         (worlds.Deaf, "its input does not move it"),
         (worlds.Trusting, "an input that is not finite"),
         (worlds.Fickle, "same seed, same states"),
@@ -75,15 +73,6 @@ def test_a_world_that_breaks_a_rule_is_named_with_it(world, rule):
 def test_a_world_that_returns_other_times_is_refused(world):
     with pytest.raises(MistakenMethodError, match=r"advance: expected states up to t = 0\.05 s"):
         check_world(world, robots())
-
-
-def test_a_world_without_determinism_need_not_repeat_itself():
-    check_world(lambda: worlds.Fickle(determinism="none"), robots())
-
-
-def test_a_world_without_determinism_holds_its_inputs_though():
-    with pytest.raises(WorldMistakeError, match="two advances are one"):
-        check_world(lambda: worlds.Forgetful(determinism="none"), robots())
 
 
 @pytest.fixture
@@ -185,15 +174,20 @@ def test_a_world_that_breaks_a_rule_ends_the_run_with_its_name(ran):
     assert "Overshooting.advance" in run.summary.reason
 
 
-def test_a_world_that_is_none_is_refused():
-    with pytest.raises(phalanx.ScenarioError, match="world: expected a dataclass that is a World"):
-        phalanx.load("unicycles", ['world={ type = "tests.unit.plant.worlds:Declared" }'])
-
-
-def test_a_shipped_world_that_cannot_start_says_why_before_a_run():
-    table = 'world={ type = "mujoco", failures = [{ at = 1.0, agent = "9" }] }'
-    with pytest.raises(phalanx.ScenarioError, match="world: failures: expected names of agents"):
-        phalanx.load("worlds/rovers", [table])
+@pytest.mark.parametrize(
+    ("name", "world", "message"),
+    [
+        ("unicycles", {"type": f"{HERE}:Declared"}, "expected a dataclass that is a World"),
+        (
+            "worlds/rovers",
+            {"type": "mujoco", "failures": [{"at": 1.0, "agent": "9"}]},
+            "failures: expected names of agents",
+        ),
+    ],
+)
+def test_a_world_that_is_none_or_cannot_start_is_refused_before_a_run(name, world, message):
+    with pytest.raises(phalanx.ScenarioError, match=f"world: {message}"):
+        phalanx.load(name, {"world": world})
 
 
 def test_a_world_of_a_package_that_is_not_installed_says_what_to_install(monkeypatch):

@@ -1,7 +1,7 @@
 """Lockstep: runs that fail, lookahead, and pauses."""
 
-import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -13,52 +13,35 @@ from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.run import PlantRun
-from phalanx_plant.sampling.sampling import Sampling
+from phalanx_plant.sampling.sampling import NoProcesses, Sampling
 from phalanx_plant.world.events import Event, Instant, SwarmBrokenError
 from phalanx_plant.world.world import World
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
-from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
+from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.rows.origin import Origin
+from tests.unit.plant.points import POINTS, group
+from tests.unit.plant.reports import report
 from tests.unit.swarms import rows_of_scenario
-
-RUNAWAY = """
-from dataclasses import dataclass
-
-from phalanx.extend import SingleIntegrator
 
 
 @dataclass(frozen=True)
 class Runaway(SingleIntegrator):
+    """It is infinitely far away after half a second."""
+
     def drift(self, x):
         return 1e2 * x**3
-"""
-SCENARIO = """
-name = "runaway"
-duration = 1.0
-safety = { function = { type = "separation", radius = 1.0 }, rho = 1.0, alpha = [1.0], eta = 0.0 }
-obstacles = [{ center = [0.0, 0.0], clearance = 0.1 }]
-
-[[agents]]
-names = ["1"]
-role = "normal"
-dynamics = { type = "runaway_user:Runaway", speed = 1.0 }
-law = { type = "track-velocity", gain = 1.0 }
-clock = { period = 0.01 }
-start = [[0.5, 0.0]]
-"""
 
 
-class Coasting:
+class Coasting(NoProcesses):
     """Agents that want nothing, in the plane."""
 
     def __init__(self) -> None:
@@ -77,36 +60,25 @@ class Coasting:
         return self.await_input(i) if i in self._open else None
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        made = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
-        return Telemetry(k=k, report=made, ages=())
+        return report(k)
 
     def publish_status(self, message: Status) -> None:
         pass
 
-    def pause(self, i: int, t: float) -> None:
-        pass
-
-    def resume(self, i: int, t: float) -> None:
-        pass
-
 
 @pytest.mark.slow
-def test_the_input_before_a_breakdown_is_judged_and_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "runaway_user.py").write_text(RUNAWAY)
-    (tmp_path / "runaway.toml").write_text(SCENARIO)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    scenario = load(str(tmp_path / "runaway.toml"))
-    agents, file = Coasting(), tmp_path / "runaway.mcap"
+def test_the_input_before_a_breakdown_is_judged_and_recorded(tmp_path: Path) -> None:
+    runaway = group("1", "normal", [[0.5, 0.0]], "track-velocity")
+    runaway["dynamics"]["type"] = f"{__name__}:Runaway"
+    obstacle = {"center": [0.0, 0.0], "clearance": 0.1}
+    scenario = load({**POINTS, "obstacles": [obstacle], "agents": [runaway]})
+    coasting, file = Coasting(), tmp_path / "runaway.mcap"
     with RecordingWriter(file, scenario, "runaway") as recording:
         rows, commands = build_rows(build_swarm(scenario)), CommandQueue(NO_COMMANDS, ("1",))
-        summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
+        summary = PlantRun(rows, coasting, recording, commands, Lockstep).run()
         recording.finish(summary)
     assert summary.outcome is Outcome.BROKEN
-    assert agents.asked > 1
-    assert summary.steps == agents.asked
-    assert len(read(file).steps) == agents.asked
+    assert summary.steps == len(read(file).steps) == coasting.asked > 1
 
 
 def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_effect(

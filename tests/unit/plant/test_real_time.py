@@ -14,11 +14,10 @@ from phalanx_plant.run import PlantRun
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
-from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.arrays import Array
-from phalanx.theory.rows.origin import Origin
+from tests.unit.plant.reports import report
 from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004
@@ -60,8 +59,7 @@ class OnTheWall:
         return [(i, back) for _, i, back in due]
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        made = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
-        return Telemetry(k=k, report=made, ages=())
+        return report(k)
 
     def publish_status(self, message: Status) -> None: ...
 

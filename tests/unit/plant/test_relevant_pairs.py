@@ -9,6 +9,7 @@ from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from tests.unit.plant.points import POINTS, group
 from tests.unit.swarms import rows_of_scenario
 
 LARGE = ("agents.0.count=28", "agents.1.count=4")
@@ -68,19 +69,10 @@ FAR_APART = 1000.0
 
 def two_pairs_and_one_near_a_sphere() -> SafetyRows:
     """a and b, c and d, e and the sphere: all else is too far apart to count."""
-    agents = {
-        "names": list("abcde"),
-        "role": "normal",
-        "dynamics": {"type": "single-integrator", "speed": 1.0},
-        "law": {"type": "track-velocity"},
-        "clock": {"period": 0.01},
-        "start": line(7.07, 9.0, 9.0).reshape(5, 2).tolist(),
-    }
-    function = {"type": "separation", "radius": 1.0}
-    safety = {"function": function, "rho": 5.0, "alpha": [1.0], "eta": 0.0}
+    starts = line(7.07, 9.0, 9.0).reshape(5, 2).tolist()
     sphere = {"center": [2.0 * FAR_APART, 0.0], "clearance": 1.0}
-    scenario = {"name": "twos", "duration": 1.0, "safety": safety, "obstacles": [sphere]}
-    return build_rows(build_swarm(load({**scenario, "agents": [agents]})))
+    five = group("a b c d e", "normal", starts, "track-velocity", speed=1.0)
+    return build_rows(build_swarm(load({**POINTS, "obstacles": [sphere], "agents": [five]})))
 
 
 def line(ab: float, cd: float, of_sphere: float) -> np.ndarray:

@@ -16,15 +16,15 @@ from tests.unit.swarms import rows_of_scenario
 U = np.array([[3.0, 1.9], [-2.0, 1.0], [4.0, -2.0], [1.0, 0.5], [2.0, -1.0]])
 
 
-def world(rows: SafetyRows) -> World:
+def world(rows: SafetyRows, inputs: np.ndarray = U) -> World:
     world = World(rows)
-    for i, u in enumerate(U):
+    for i, u in enumerate(inputs):
         world.apply(i, u)
     return world
 
 
-def truly(swarm: Swarm, t: float) -> np.ndarray:
-    """The unicycles under U by an adaptive solver of order 8, knot by knot."""
+def truly(swarm: Swarm, t: float, u: np.ndarray = U) -> np.ndarray:
+    """The unicycles under inputs u by an adaptive solver of order 8, knot by knot."""
     sources = [
         RandomDisturbance(0, name, swarm.groups[i].disturbance, 3)
         for i, name in enumerate(swarm.names)
@@ -32,17 +32,15 @@ def truly(swarm: Swarm, t: float) -> np.ndarray:
 
     def field(time: float, x: np.ndarray, lines: list) -> np.ndarray:
         heading = x[2::3]
-        rates = np.stack([U[:, 0] * np.cos(heading), U[:, 0] * np.sin(heading), U[:, 1]], axis=1)
+        rates = np.stack([u[:, 0] * np.cos(heading), u[:, 0] * np.sin(heading), u[:, 1]], axis=1)
         return (rates + [line.at(time) for line in lines]).ravel()
 
     x, begin = swarm.start(), 0.0
     while begin < t:
         lines = [source.line(begin) for source in sources]
         end = min(t, *(line.end for line in lines))
-        x = solve_ivp(field, (begin, end), x, "DOP853", args=(lines,), rtol=1e-13, atol=1e-13).y[
-            :, -1
-        ]
-        begin = end
+        exact = solve_ivp(field, (begin, end), x, "DOP853", args=(lines,), rtol=1e-13, atol=1e-13)
+        x, begin = exact.y[:, -1], end
     return x
 
 
@@ -59,33 +57,15 @@ def test_the_integration_is_of_fourth_order():
 
     Halving the step divides the error by 16; a third-order method would divide it by 8.
     """
-    global_u = U * [400.0, 150.0]
-    errors = []
+    large, errors = U * [400.0, 150.0], []
     for step in (1e-3, 5e-4, 2.5e-4):
         finer = [f"time.integration_step={step}", "agents.0.disturbance.bound=0.0"]
         rows = rows_of_scenario("unicycles", *finer)
-        alone = World(rows)
-        for i, u in enumerate(global_u):
-            alone.apply(i, u)
+        alone = world(rows, large)
         alone.advance(0.128)
-        errors.append(np.abs(alone.x - exactly(rows.swarm, global_u, 0.128)).max())
+        errors.append(np.abs(alone.x - truly(rows.swarm, 0.128, large)).max())
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(16, rel=0.15)
-
-
-def exactly(swarm: Swarm, u: np.ndarray, t: float) -> np.ndarray:
-    sources = [
-        RandomDisturbance(0, name, swarm.groups[i].disturbance, 3)
-        for i, name in enumerate(swarm.names)
-    ]
-    lines = [source.line(0.0) for source in sources]
-
-    def field(time: float, x: np.ndarray) -> np.ndarray:
-        heading = x[2::3]
-        rates = np.stack([u[:, 0] * np.cos(heading), u[:, 0] * np.sin(heading), u[:, 1]], axis=1)
-        return (rates + [line.at(time) for line in lines]).ravel()
-
-    return solve_ivp(field, (0.0, t), swarm.start(), "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
 
 
 @pytest.mark.slow
