@@ -19,6 +19,7 @@ from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.margins.margin import RowPart
 
 _CELLS = 121
@@ -100,11 +101,12 @@ class _Moved:
 
     def __init__(self, rows: SafetyRows, pair: int, ends: tuple[int, int]) -> None:
         swarm, chain = rows.swarm, rows.pair_chain(pair)
-        self._members, self._ends, self._parts = rows.composed.members, ends, chain.set.parts
+        self._polytopes = rows.composed.members.constant_polytopes
+        self._ends = ends
         self._helping = [not swarm.members[l].adversary for l in ends]
         self._start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in ends])
         states = swarm.members[ends[1]].dynamics.states
-        self._axes = [self._parts[1].start + states.index(s) for s in "xy"]
+        self._axes = [chain.set.parts[1].start + states.index(s) for s in "xy"]
         unforced, margin = (
             ca.sum1(chain.drift) + chain.alpha,
             rows.margin(ends[0]).of(chain, 0, RowPart.WHOLE),
@@ -124,9 +126,9 @@ class _Moved:
         values = self._evaluate(x.ravel(), np.arange(x.size).reshape(x.shape))
         psi, residual, *c = np.split(values, self._columns, axis=1)
         total = residual[:, 0]
-        for l, part, forces, helps in zip(self._ends, self._parts, c, self._helping, strict=True):
-            extremes = self._members.extremes(l, x[:, part], forces)
-            total = total + extremes[:, 0 if helps else 1]
+        for l, forces, helps in zip(self._ends, c, self._helping, strict=True):
+            values = dot(forces[:, None], self._polytopes[l].corners)
+            total = total + (values.min(axis=1) if helps else values.max(axis=1))
         return psi, total
 
 

@@ -5,7 +5,7 @@ CompiledFunction takes vectors; MappedFunction evaluates one expression for many
 
 import ctypes
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property, partial
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -151,12 +151,6 @@ class MappedFunction:
     def at(self, indices: Index) -> "MappedRows":
         """Fix the indices, shape (r, inputs), for many calls without copies."""
         return MappedRows(indices, self._view(len(indices)))
-
-    @cached_property
-    def text(self) -> str:
-        """Serialized form: equal for equal functions only."""
-        text: str = self._function.serialize()
-        return text
 
     def mapped(self, count: int) -> ca.Function:
         """The CasADi function of `count` rows, one for each column; it may have no derivatives."""

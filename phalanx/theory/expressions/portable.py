@@ -8,7 +8,7 @@ IEEE 754. erf and its inverse alone are left as they are.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 
@@ -88,11 +88,7 @@ class _Replacement:
             return ca.SX(_inlined(op)(*arguments))
         if op in _PORTABLE_OF_TWO:
             return ca.SX(_PORTABLE_OF_TWO[op](*arguments))
-        return _applied(op, arguments)
-
-
-def _applied(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
-    return (ca.SX.unary if len(arguments) == 1 else ca.SX.binary)(op, *arguments)
+        return (ca.SX.unary if len(arguments) == 1 else ca.SX.binary)(op, *arguments)
 
 
 @cache
@@ -106,52 +102,3 @@ def _inlined(op: int) -> ca.Function:
     """A replacement as a CasADi function, which is expanded faster than Python code."""
     x = ca.SX.sym("x")
     return ca.Function("portable", [x], [_PORTABLE[op](x)], {"cse": True})
-
-
-class Factored(NamedTuple):
-    """An expression in two steps: parts of one argument each, then an expression of them."""
-
-    parts: list[ca.SX]
-    """Expressions of each argument alone, shapes (k,), which may be empty."""
-    symbols: list[ca.SX]
-    """Symbols in their place, of the same shapes."""
-    rest: ca.SX
-    """The expression of arguments and symbols."""
-
-
-class _Value(NamedTuple):
-    """One step of an expression."""
-
-    whole: ca.SX
-    rest: ca.SX
-    arguments: frozenset[int]
-    """The arguments that it depends on."""
-
-
-def factor_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> Factored:
-    """Factor out sines, exponentials and the like that depend on one argument alone.
-
-    Args:
-        arguments: columns of symbols, shapes (n_l,).
-        others: further symbols of the expression, shape (k,).
-        expression: of any shape, which the rest has too.
-    """
-    factored: list[list[_Value]] = [[] for _ in arguments]
-
-    def step(op: int, values: Sequence[_Value]) -> _Value:
-        depends = frozenset[int]().union(*[v.arguments for v in values])
-        whole, rest = (_applied(op, side) for side in zip(*[v[:2] for v in values], strict=True))
-        argument = min(depends, default=0)
-        if op not in DEAR or depends != {argument} or argument >= len(arguments):
-            return _Value(whole, rest, depends)
-        factored[argument].append(_Value(whole, ca.SX.sym("once"), depends))
-        return factored[argument][-1]
-
-    every = [*arguments, others]
-    inputs = [[_Value(x, x, frozenset([k])) for x in ca.vertsplit(v)] for k, v in enumerate(every)]
-    function = ca.Function("f", every, [ca.densify(expression)], {"cse": True})
-    results = evaluate(function, inputs, lambda c: _Value(ca.SX(c), ca.SX(c), frozenset()), step)
-    parts = [ca.vertcat(*[value.whole for value in own]) for own in factored]
-    symbols = [ca.vertcat(*[value.rest for value in own]) for own in factored]
-    rest = ca.vertcat(*[value.rest for value in results])
-    return Factored(parts, symbols, ca.reshape(rest, *expression.shape))

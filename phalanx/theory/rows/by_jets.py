@@ -6,7 +6,6 @@ of agents in sight would be a function of its own, compiled in the middle of a r
 gathers its arguments from the results of those before it::
 
     numbers    states | obstacles' parameters | corners of each U
-    once       numbers | parts of one member alone, such as cos θ_0, sin θ_0 | ...
     jets       h, L_f h, ..., forces of pair 0 | those of pair 1 | ... | FAR | 0
     results    ψ_0 ... ψ_{q-1}, unforced | c of all members | extremes of c u
 
@@ -15,14 +14,14 @@ first one, and what would be composed of them reads FAR and 0 instead.
 """
 
 from collections.abc import Sequence
-from functools import cache, cached_property
+from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from phalanx.theory.arrays import Index
-from phalanx.theory.expressions.compiled import MappedFunction, rounded_up
+from phalanx.theory.expressions.compiled import rounded_up
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.jets import LogSumExpJets
@@ -36,8 +35,6 @@ MembersByKind = Sequence[tuple[int, Sequence[int]]]
 class _Shape(NamedTuple):
     """Sizes that a function is compiled for."""
 
-    parts: tuple[tuple[int, int], ...]
-    """(number, room) of the functions of members' parts; likewise below for kinds."""
     pairs: tuple[tuple[int, int], ...]
     members: tuple[tuple[int, int], ...]
     room: int
@@ -68,21 +65,6 @@ class TermsByJets:
         self.kinds, self.members, self.jets = kinds, members, jets
         self._functions = cache(self._make)
 
-    @cached_property
-    def parts_of(self) -> list[list[MappedFunction | None]]:
-        """The functions of one member alone, by kind of pair and member; None if there is none."""
-        by_text: dict[str, MappedFunction] = {}
-        return [
-            [part and by_text.setdefault(part.text, part) for part in kind.shared.parts]
-            for kind in self.kinds
-        ]
-
-    @cached_property
-    def parts(self) -> list[MappedFunction]:
-        """The different functions among parts_of."""
-        every = [part for parts in self.parts_of for part in parts if part]
-        return list({id(part): part for part in every}.values())
-
     def function(
         self, members: MembersByKind, pairs: ChosenPairs
     ) -> tuple[ca.Function, list[Index]]:
@@ -95,21 +77,17 @@ class TermsByJets:
         c, count = self.layout(
             [(swarm.kinds[k].inputs, kind_members) for k, kind_members in members], 0
         )
-        parts, jets = _Parts(self, pairs), _Jets(self, pairs)
+        jets = _Jets(self, pairs)
         owners = np.full(swarm.inputs[-1].stop, -1)
         for l, part in c.items():
             owners[swarm.inputs[l]] = np.r_[part]
         pushes = _lists(owners[pairs.force_input], count)
         weights = np.append(pairs.force_pair * q + q - 1, 0)
-        tables = list(parts.tables)
-        for group in pairs.groups:
-            indices = np.concatenate([group.indices, *parts.of(group.number, group.pairs)], axis=1)
-            tables.append(_filled(indices, rounded_up(len(indices))))
+        tables = [_filled(g.indices, rounded_up(len(g.indices))) for g in pairs.groups]
         tables += [jets.h, jets.forces[pushes], weights[pushes]]
         for k, kind_members in members:
             tables.append(_filled(swarm.arguments(k, kind_members), rounded_up(len(kind_members))))
         shape = _Shape(
-            parts.shape,
             tuple((group.number, rounded_up(len(group.pairs))) for group in pairs.groups),
             tuple((k, rounded_up(len(kind_members))) for k, kind_members in members),
             len(jets.h),
@@ -120,14 +98,10 @@ class TermsByJets:
     def _make(self, shape: _Shape) -> ca.Function:
         q, chosen = self.jets.degree, _Gathered()
         numbers = ca.MX.sym("numbers", self.members.length)
-        vectors, results = [numbers], []
-        for k, room in shape.parts:
-            part = self.parts[k]
-            vectors.append(ca.vec(part.mapped(room)(chosen(numbers, part.inputs, room))))
-        once = ca.vertcat(*vectors)
+        results = []
         for k, room in shape.pairs:
-            function = self.kinds[k].shared.jets
-            results.append(ca.vec(function.mapped(room)(chosen(once, function.inputs, room))))
+            function = self.kinds[k].jets
+            results.append(ca.vec(function.mapped(room)(chosen(numbers, function.inputs, room))))
         jets = ca.vertcat(*results, ca.MX(FAR), 0.0)
         chain, weights = self.jets.composition(shape.room)(chosen(jets, q + 1, shape.room))
         inputs = sum(self.members.kinds[k].inputs * room for k, room in shape.members)
@@ -174,7 +148,7 @@ class _Jets:
         q, begin = by_jets.jets.degree, 0
         h, forces = list[Index](), list[Index]()
         for group in pairs.groups:
-            width = group.kind.shared.jets.results
+            width = group.kind.jets.results
             rows = begin + np.arange(len(group.pairs) * width).reshape(-1, width)
             h.append(rows[:, : q + 1])
             forces.append(rows[:, q + 1 :].ravel())
@@ -185,46 +159,6 @@ class _Jets:
         """h, L_f h, ..., L_f^q h, shape (room, q+1)."""
         self.forces = np.concatenate([*forces, [begin + 1]]).astype(np.intp)
         """In the order of ChosenPairs, shape (f+1,); the last one is unused."""
-
-
-class _Parts:
-    """Indices of the terms of one member alone, which all its pairs share."""
-
-    def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
-        self._of, begin = by_jets.parts_of, by_jets.members.length
-        self._first: dict[int, Index] = {}
-        self.tables: list[Index] = []
-        """Indices of the states that each function takes, row by row."""
-        shape = []
-        for number, part in enumerate(by_jets.parts):
-            members = self._members(part, pairs)
-            if not len(members):
-                continue
-            room = rounded_up(len(members))
-            self.tables.append(_filled(by_jets.members.state_indices(members.tolist()), room))
-            shape.append((number, room))
-            first = self._first[id(part)] = np.zeros(members[-1] + 1, dtype=np.intp)
-            first[members] = begin + part.results * np.arange(len(members))
-            begin += part.results * room
-        self.shape = tuple(shape)
-
-    def _members(self, part: MappedFunction, pairs: ChosenPairs) -> Index:
-        """The members whose part is needed."""
-        members = [
-            group.pairs[:, side]
-            for group in pairs.groups
-            for side, member_part in enumerate(self._of[group.number])
-            if member_part is part
-        ]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *members]))
-
-    def of(self, kind: int, pairs: Index) -> list[Index]:
-        """Indices of the parts of both members, for pairs of a kind, shapes (r, k)."""
-        return [
-            self._first[id(part)][pairs[:, side]][:, None] + np.arange(part.results)
-            for side, part in enumerate(self._of[kind])
-            if part
-        ]
 
 
 def _filled(indices: Index, room: int) -> Index:

@@ -11,15 +11,14 @@ import casadi as ca
 import numpy as np
 
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.expressions.compiled import BoundFunction, CompiledFunction
+from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.by_jets import TermsByJets
-from phalanx.theory.rows.composed_function import ComposedFunction
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.kinds import with_symbols
-from phalanx.theory.safety.pairs import SwarmPairs
+from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 
 
 class SwarmTerms:
@@ -72,6 +71,71 @@ class SwarmTerms:
         return CompiledFunction([x, ca.vertcat(*parameters)], [ca.vertcat(*near)])
 
 
+class _ComposedFunction:
+    """Terms of fixed pairs and members, whose numbers it reads by tables of indices."""
+
+    def __init__(
+        self, by_jets: TermsByJets, numbers: Array, in_sight: Sequence[int], pairs: ChosenPairs
+    ) -> None:
+        """Choose the function.
+
+        Args:
+            by_jets: the functions.
+            numbers: any state, the obstacles' parameters and the corners of each U.
+            in_sight: members.
+            pairs: among them, and with obstacles and limits.
+        """
+        members, self._degree = by_jets.members, by_jets.jets.degree
+        kinds = list(members.by_kind(in_sight).items())
+        sizes = [(members.kinds[k].inputs, group) for k, group in kinds]
+        self._c, end = by_jets.layout(sizes, self._degree + 1)
+        sizes = [(members.kinds[k].extremes.results, group) for k, group in kinds]
+        self._ends, _ = by_jets.layout(sizes, end)
+        self._constant = members.constant_polytopes
+        self._varying = [l for l in self._ends if l not in self._constant]
+        self._least = [(l, group.start) for l, group in self._ends.items() if l in self._constant]
+        """(member, index of its least result) where U is constant; the most comes next."""
+        function, tables = by_jets.function(kinds, pairs)
+        # CasADi gathers by indices in float64, which it rounds.
+        arguments = [table.ravel().astype(np.float64) for table in tables]
+        self._bound = BoundFunction(function, [numbers.copy(), *arguments])
+        (self._results,) = self._bound.outputs
+        self._x = self._bound.inputs[0][: members.states[-1].stop]
+
+    def __call__(self, x: Array) -> dict[str, Any]:
+        """Evaluate at the stacked state, shape (n̄,); terms by name, as Terms has them."""
+        self._x[:] = x
+        self._bound.call()
+        results, q = self._results.copy(), self._degree
+        numbers = results.tolist()
+        terms: dict[str, Any] = {
+            "psi": results[:q],
+            "unforced": numbers[q],
+            "c": {l: results[part] for l, part in self._c.items()},
+            "least": {l: numbers[k] for l, k in self._least},
+            "most": {l: numbers[k + 1] for l, k in self._least},
+            "polytopes": self._constant,
+        }
+        if self._varying:
+            self._solve(terms, results)
+        return terms
+
+    def psi(self, x: Array) -> Array:
+        """ψ_0 ... ψ_{q-1} alone, shape (q,), without any linear program."""
+        self._x[:] = x
+        self._bound.call()
+        return self._results[: self._degree].copy()
+
+    def _solve(self, terms: dict[str, Any], results: Array) -> None:
+        """Add the linear programs of members whose U_l depends on the state."""
+        terms["polytopes"] = dict(self._constant)
+        for l in self._varying:
+            row, c = results[self._ends[l]], terms["c"][l]
+            A, b = np.split(row, [len(row) * len(c) // (len(c) + 1)])
+            terms["polytopes"][l] = U = polytope(A.reshape(len(b), -1), b)
+            terms["least"][l], terms["most"][l] = extremes(c, U.corners)
+
+
 class ComposedTerms:
     """One agent's terms of h_tot at any state."""
 
@@ -80,7 +144,7 @@ class ComposedTerms:
         self._own_state = swarm.members.states[i]
         self._near = swarm.obstacles_within(i, radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
-        self._function: ComposedFunction
+        self._function: _ComposedFunction
         self._members: tuple[int, ...] = ()
         self._positions = Positions(swarm.members, ())
         constant = len(swarm.members.constant_polytopes) == len(swarm.members.states)
@@ -111,7 +175,7 @@ class ComposedTerms:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
         return self.choose(x, self._swarm.everyone if in_sight is None else tuple(in_sight)).psi(x)
 
-    def choose(self, x: Array, in_sight: tuple[int, ...]) -> ComposedFunction:
+    def choose(self, x: Array, in_sight: tuple[int, ...]) -> _ComposedFunction:
         """The function of the pairs in sight at x."""
         pairs = self._swarm.pairs
         near = self._near(x[self._own_state], pairs.parameters)[0] if self._near else None
@@ -121,7 +185,7 @@ class ComposedTerms:
             around = None if near is None else np.flatnonzero(near).tolist()
             chosen = pairs.choose(pairs.among(in_sight, around))
             self._key, terms = key, self._swarm
-            self._function = ComposedFunction(terms.by_jets, terms.numbers, in_sight, chosen)
+            self._function = _ComposedFunction(terms.by_jets, terms.numbers, in_sight, chosen)
         return self._function
 
 
@@ -150,8 +214,5 @@ class LazyTerms:
         if name == "positions":
             self.positions = terms.positions(x, in_sight)
         else:
-            numbers = terms.choose(x, in_sight)(x)
-            self.psi, self.unforced, self.c = numbers.psi, numbers.unforced, numbers.c
-            self.least, self.most = numbers.least, numbers.most
-            self.polytopes = numbers.polytopes
-        return self.__dict__[name]
+            vars(self).update(terms.choose(x, in_sight)(x))
+        return vars(self)[name]

@@ -8,9 +8,8 @@ import numpy as np
 
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.polytope import constant_polytope, extremes, polytope
+from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.safety.composition import Member, stacked_slices
 
 
@@ -98,20 +97,6 @@ class SwarmMembers:
     def state_indices(self, members: Sequence[int]) -> Index:
         """Indices of the states of members of one kind, row by row."""
         return np.stack([np.r_[self.states[l]] for l in members])
-
-    def extremes(self, l: int, x: Array, c: Array) -> Array:
-        """min and max of c u over U_l for states x, (s, n), and c, (s, m); shape (s, 2)."""
-        constant, (states, inputs) = self.constant_polytopes.get(l), (x.shape[1], c.shape[1])
-        if constant is not None:
-            values = dot(c[:, None], constant.corners)
-            return np.column_stack([values.min(axis=1), values.max(axis=1)])
-        kind, indices = self.kinds[self.kind_of[l]], np.arange(x.size).reshape(-1, states)
-        rows = kind.extremes(x.ravel(), indices)
-        ends = []
-        for row, force in zip(rows, c, strict=True):
-            A, b = np.split(row, [len(row) * inputs // (inputs + 1)])
-            ends.append(extremes(force, polytope(A.reshape(len(b), -1), b).corners))
-        return np.array(ends)
 
     def by_kind(self, in_sight: Sequence[int]) -> dict[int, list[int]]:
         """The members in sight of each kind, those with a constant U first."""

@@ -7,14 +7,12 @@ swarm, and all pairs of a kind are evaluated in one call.
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.portable import factor_out
 from phalanx.theory.expressions.user_methods import is_built_in
 from phalanx.theory.models.dynamics import motion_texts
 from phalanx.theory.safety.chain import degree_above, inputs_appear
@@ -25,15 +23,6 @@ from phalanx.theory.safety.obstacles import Sphere
 _TRIED = (0.37, -1.91, 5.3)
 """Spheres of symbols and of numbers are compared at the states (1, 2, ...) times each of these."""
 _EQUAL = 1e-9
-
-
-class SharedJets(NamedTuple):
-    """Jets in two steps: terms of one member alone are computed once for all its pairs."""
-
-    parts: tuple[MappedFunction | None, ...]
-    """Functions of each member's state; None if there are no such terms."""
-    jets: MappedFunction
-    """Function of a pair's row, followed by its members' parts."""
 
 
 class PairKind:
@@ -69,30 +58,14 @@ class PairKind:
     @cached_property
     def jets(self) -> MappedFunction:
         """h, L_f h, ..., L_f^q h; then L_{g_l} L_f^{q-1} h of each member."""
-        return MappedFunction(self._row, self._jets())
-
-    @cached_property
-    def shared(self) -> SharedJets:
-        """The jets with the terms of one member alone factored out."""
-        jets = [ca.vec(each.T) for each in map(ca.densify, self._jets())]
-        x = [self.pair.x[index] for index in self.pair.parts]
-        parts, symbols, rest = factor_out(x, self.pair.parameters, ca.vertcat(*jets))
-        return SharedJets(
-            tuple(
-                MappedFunction([state], [part]) if part.numel() else None
-                for state, part in zip(x, parts, strict=True)
-            ),
-            MappedFunction([*self._row, *symbols], [rest]),
-        )
+        drift, forces = _along_drift(self.pair, self._degree), _forces(self.pair, self._degree)
+        return MappedFunction(self._row, [*drift, *forces])
 
     @cached_property
     def gradients(self) -> MappedFunction:
         """Gradients of h, L_f h, ..., L_f^{q-1} h by the members' states, one after the other."""
         values = _along_drift(self.pair, self._degree - 1)
         return MappedFunction(self._row, [ca.jacobian(value, self.pair.x) for value in values])
-
-    def _jets(self) -> list[ca.SX]:
-        return [*_along_drift(self.pair, self._degree), *_forces(self.pair, self._degree)]
 
 
 def _along_drift(pair: ComposedSet, degree: int) -> list[ca.SX]:

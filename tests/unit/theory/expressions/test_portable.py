@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from phalanx.theory.expressions.circular import cos
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
-from phalanx.theory.expressions.portable import factor_out, portable_function, portable_value
+from phalanx.theory.expressions.portable import portable_function, portable_value
 
 WITHOUT_FMA = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4"}
 """What makes libm choose as it would on a CPU of before 2013."""
@@ -173,21 +173,6 @@ def test_casadi_simplifies_as_before_once_a_function_is_compiled():
 def test_a_number_has_the_bits_of_its_expression():
     for angle in np.linspace(-7.0, 7.0, 50).tolist():
         assert portable_value(cos, angle) == functions()["cos"](angle)
-
-
-def test_terms_of_one_argument_alone_and_the_rest_make_the_expression_again():
-    a, b, number = ca.SX.sym("a", 2), ca.SX.sym("b"), ca.SX.sym("number")
-    whole = ca.vertcat(ca.sin(ca.exp(a[0])) * b, ca.cos(a[1] + b) + ca.sqrt(number), ca.exp(number))
-    parts, symbols, rest = factor_out([a, b], number, whole)
-    # exp and its sine are of a alone; cos(a + b) is of both, exp(number) of neither.
-    assert [part.numel() for part in parts] == [2, 0]
-    assert [symbol.numel() for symbol in symbols] == [2, 0]
-    first = ca.Function("first", [a], [parts[0]])
-    second = ca.Function("second", [a, b, number, symbols[0]], [rest])
-    expected = ca.Function("whole", [a, b, number], [whole])
-    for values in np.random.default_rng(3).uniform(0.1, 2.0, (20, 4)):
-        others = values[:2], values[2], values[3]
-        assert np.array_equal(second(*others, first(values[:2])), expected(*others))
 
 
 @pytest.mark.slow

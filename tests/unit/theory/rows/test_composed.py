@@ -126,19 +126,6 @@ def test_terms_do_not_depend_on_what_was_asked_before(name):
             assert terms.least[l] == fresh.least[l]
 
 
-def test_extremes_at_many_states_are_those_of_the_polytope_at_each():
-    """One of these members has an input polytope that depends on its state."""
-    composed, rng = sample_swarm("users' own"), np.random.default_rng(6)
-    states = rng.uniform(-3.0, 3.0, (5, composed.x.numel()))
-    terms = [composed_terms("users' own", 0, None)(x) for x in states]
-    members = swarm_terms("users' own").members
-    assert len(members.constant_polytopes) == len(composed.members) - 1
-    for l, part in enumerate(composed.parts):
-        c = np.array([at_state.c[l] for at_state in terms])
-        expected = np.array([[at_state.least[l], at_state.most[l]] for at_state in terms])
-        assert members.extremes(l, states[:, part], c) == pytest.approx(expected, rel=1e-12)
-
-
 def test_one_pair_is_its_own_composition():
     """No LSE rounds it: h_tot is h, to the bit."""
     composed = sample_swarm("unicycles")
