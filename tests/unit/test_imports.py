@@ -119,7 +119,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2560,
     "swarm": 1380,
-    "theory": 8480,
+    "theory": 8280,
     "viewer": 5300,
     "wire": 700,
 }
