@@ -70,12 +70,12 @@ def verify(
     # Faults that the scenario declares happen again without a command.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     options = RunOptions(engine, progress=progress, commands=commands)
-    if not recorded.states and not recorded.shown:
+    if not recorded.states and not recorded.step_data:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     world = recorded.scenario.fresh_world()
-    if world is not None and world.determinism == "none" and not recorded.shown:
+    if world is not None and world.determinism == "none" and not recorded.step_data:
         raise EngineError("its world declares no determinism: a run in it cannot be run again")
-    if recorded.shown:
+    if recorded.step_data:
         if seed is not None:
             raise EngineError(
                 "a run in real time cannot be run again, with another seed or without"
@@ -85,7 +85,7 @@ def verify(
         except MistakenMethodError as error:
             raise EngineError(f"decided again: {error}") from error
         difference = first_difference(recorded, decided)
-        return Verification(difference, len(recorded.shown), 0)
+        return Verification(difference, len(recorded.step_data), 0)
     scenario = _until_its_end(recorded).model_copy(update={} if seed is None else {"seed": seed})
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
         summary = execute(scenario, Path(folder), options)
@@ -128,7 +128,7 @@ def _decided_again(recorded: Recording) -> Recording:
     steps = {s.name: s for name in recorded.scenario.programs() for s in control_steps(rows, name)}
     index_of_step = {(step.agent, step.k): index for index, step in enumerate(recorded.steps)}
     again = list(recorded.steps)
-    for sample in recorded.shown:
+    for sample in recorded.step_data:
         index = index_of_step.get((sample.agent, sample.k))
         if index is not None:
             again[index] = _decided(steps[sample.agent], sample, again[index], states)

@@ -67,12 +67,12 @@ class _Explained:
         # Every actuator holds zero before its first input.
         inputs, applied = np.vstack([np.zeros((1, self._inputs)), inputs]), applied[order]
         begin, end = _constant(times, applied)
-        held = inputs[np.searchsorted(applied, times[begin], side="right")]
+        in_force = inputs[np.searchsorted(applied, times[begin], side="right")]
         seconds, before, after = times[end] - times[begin], x[begin], x[end]
-        phi, size = self._ledger.explain(before, after, held, seconds)
+        phi, size = self._ledger.explain(before, after, in_force, seconds)
         moved = self._at(after) - self._at(before)
         return AgentDisturbances(
-            times[begin], seconds, phi, size, length(moved) / seconds, length(held)
+            times[begin], seconds, phi, size, length(moved) / seconds, length(in_force)
         )
 
     def _at(self, x: Array) -> Array:

@@ -56,7 +56,7 @@ class Recording:
     """The verdict; None of a recording with damage, wherever that is."""
     damage: str | None = None
     """Why the recording ends early, in words; None if it is whole."""
-    shown: list[StepData] = field(default_factory=list)
+    step_data: list[StepData] = field(default_factory=list)
     """Of a run in real time: the data of each step's decision."""
     modules: dict[str, str] = field(default_factory=dict)
     """SHA-256 of the recorded modules of the user, by path."""
@@ -153,10 +153,10 @@ def swarm_of(recording: Recording) -> Swarm:
 
 def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
     """Return each agent's steps in order, by name, in the scenario's order."""
-    found: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
+    steps: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
     for step in recording.steps:
-        found[step.agent].append(step)
-    return found
+        steps[step.agent].append(step)
+    return steps
 
 
 def size_in_words(recording: Recording) -> str:
@@ -175,16 +175,16 @@ def misfit(recording: Recording) -> str | None:
     """Describe the first record whose sizes or names do not fit the scenario; None if all do."""
     roster = recording.scenario.roster()
     dynamics = {name: group.dynamics_object() for name, group, _ in roster}
-    width = sum(len(found.states) for found in dynamics.values())
-    inputs = {name: len(found.inputs) for name, found in dynamics.items()}
+    width = sum(len(model.states) for model in dynamics.values())
+    inputs = {name: len(model.inputs) for name, model in dynamics.items()}
     for state in recording.states:
         if len(state.x) != width:
             return f"a state at t = {state.t:.3f} s of {len(state.x)} numbers, expected {width}"
     for step in recording.steps:
         if not _fits(step, inputs):
             return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
-    sizes = {name: len(found.states) for name, found in dynamics.items()}
-    for data in recording.shown:
+    sizes = {name: len(model.states) for name, model in dynamics.items()}
+    for data in recording.step_data:
         if not _could_be_shown(data, sizes, inputs):
             return f"what agent {data.agent!r} was shown at t = {data.t:.3f} s has wrong fields"
     for command in recording.commands:

@@ -18,8 +18,13 @@ from PIL import Image
 from phalanx.faults.commands import Condition
 from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome
-from phalanx.recording.broadcasts import FATES, LOST
-from phalanx.recording.curves.history import EMPTY_CODES, RecordedHistory, ReportHistory
+from phalanx.recording.curves.history import (
+    EMPTY_CODES,
+    FATES,
+    LOST,
+    RecordedHistory,
+    ReportHistory,
+)
 from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_scene, scene_box
 from phalanx.report.safety import draw_h, required_distance
@@ -156,15 +161,15 @@ def _links(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> S
     """Draw links with broadcasts since the last frame: the more red, the more were lost."""
     lines = LineCollection([], linewidths=1.1, zorder=1.5)
     axes.add_collection(lines)
-    sent = np.sort(history.broadcasts, order="sent")
-    ends = np.searchsorted(sent["sent"], film.times, side="right")
+    every = np.sort(history.broadcasts, order="sent")
+    ends = np.searchsorted(every["sent"], film.times, side="right")
 
     def show(number: int) -> None:
-        broadcasts = sent[ends[number - 1] if number else 0 : ends[number]]
+        broadcasts = every[ends[number - 1] if number else 0 : ends[number]]
         sides = np.sort(np.column_stack([broadcasts["sender"], broadcasts["receiver"]]), axis=1)
-        links, which = np.unique(sides, axis=0, return_inverse=True)
-        lost = np.bincount(which.ravel(), broadcasts["fate"] == FATES.index(LOST), len(links))
-        share = (lost / np.bincount(which.ravel(), minlength=len(links)))[:, None]
+        links, link_of = np.unique(sides, axis=0, return_inverse=True)
+        lost = np.bincount(link_of.ravel(), broadcasts["fate"] == FATES.index(LOST), len(links))
+        share = (lost / np.bincount(link_of.ravel(), minlength=len(links)))[:, None]
         shade = share * to_rgb(_LOST) + (1.0 - share) * to_rgb(_DELIVERED)
         lines.set_segments(list(points[number][links]))
         lines.set_color(np.column_stack([shade, 0.4 + 0.6 * share]))
@@ -236,13 +241,14 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
     if summary:
         end.set_color(_OF_OUTCOME.get(summary.outcome, PEAK))
         end.set_bbox(card)
-    sent = np.sort(history.broadcasts["sent"])
-    gone = np.sort(history.broadcasts["sent"][history.broadcasts["fate"] == FATES.index(LOST)])
+    every = history.broadcasts
+    all_times = np.sort(every.sent)
+    loss_times = np.sort(every.sent[every.fate == FATES.index(LOST)])
 
     def show(number: int) -> None:
         t = film.times[number]
         clock.set_text(f"{name}, t = {t:.1f} s")
-        total, lost = np.searchsorted(sent, t), np.searchsorted(gone, t)
+        total, lost = np.searchsorted(all_times, t), np.searchsorted(loss_times, t)
         network.set_text(f"{total} broadcasts, {lost / total:.0%} lost" if total else "")
         since = t - _NOTICE * film.speed
         new = [line for line in history.recording.log if since < line.t <= t]

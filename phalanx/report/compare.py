@@ -18,9 +18,8 @@ from phalanx.recording.metrics.table import metrics_of, swarm_rows
 from phalanx.recording.read import read, swarm_of
 from phalanx.report.html import figure, note, save_page, section, table
 from phalanx.report.links import link_statistics
-from phalanx.report.page import key_figures
 from phalanx.report.style import LIMIT, NORMAL, WORST, draw_line, image_of, legend, over_time
-from phalanx.report.write import draw_figures
+from phalanx.report.write import draw_figures, key_figures
 
 _SAME = ("name", "description", "reading")
 """Fields of a scenario without effect on the run."""
@@ -70,7 +69,7 @@ def _compared(folder: Path, draw: bool, trust: bool = False) -> ComparedRun:
         run.path.resolve().parent.name,
         settings | {path: digest[:12] for path, digest in run.modules.items()},
         {"Verdict": verdict, **dict(key_figures(run)), **dict(metrics)},
-        {each.name: image_of(each.figure) for each in figures},
+        {drawing.name: image_of(drawing.figure) for drawing in figures},
         Series(run.times, run.h_tot),
     )
 
@@ -128,7 +127,7 @@ def _side_by_side(tables: Sequence[Mapping[str, str]]) -> list[tuple[str, ...]]:
 def _rounded(value: Any) -> Any:
     """A number, or a list of them, with six digits."""
     if isinstance(value, list):
-        return [_rounded(each) for each in value]
+        return [_rounded(item) for item in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
@@ -136,12 +135,12 @@ def _leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
     """Every number or text in a table, with its path as in --set."""
     if isinstance(value, Mapping):
         steps = value.items()
-    elif isinstance(value, list) and any(isinstance(each, Mapping) for each in value):
+    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
         steps = dict(enumerate(value)).items()
     else:
         return [(path, json.dumps(_rounded(value), ensure_ascii=False))]
     prefix = f"{path}." if path else ""
-    return [leaf for key, each in steps for leaf in _leaves(each, f"{prefix}{key}")]
+    return [leaf for key, item in steps for leaf in _leaves(item, f"{prefix}{key}")]
 
 
 def overlay(h_tot: Mapping[str, Series]) -> Figure:

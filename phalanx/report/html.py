@@ -110,7 +110,7 @@ def save_page(
     head = [f"<h1>{escape(title)}</h1>", *([quiet(about)] if about else [])]
     body = "\n".join([*head, *parts])
     links = re.findall(r'<section id="(.*?)"><h2>(.*?)</h2>', body)
-    contents = "".join(f'<a href="#{name}">{shown}</a>' for name, shown in links)
+    contents = "".join(f'<a href="#{name}">{text}</a>' for name, text in links)
     body = body.replace("<section", f"<nav>{contents}</nav>\n<section", 1)
     text = _PAGE.substitute(title=escape(title), body=body, width=width)
     with whole_file(path) as part:

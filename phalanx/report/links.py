@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from phalanx.network.link import LinkModel
-from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
-from phalanx.recording.curves.history import ReportHistory
+from phalanx.recording.curves.history import FATES, IN_TIME, LATE, LOST, ReportHistory
 from phalanx.recording.curves.series import LANE_STATES, lanes, zoom_window
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report import style
@@ -50,8 +49,8 @@ class LinkStatistics:
     sender: str
     receiver: str
     model: LinkModel
-    sent: int
-    """Broadcasts of the sender."""
+    broadcasts: int
+    """Of the sender, decided or not."""
     lost: int
     delays: list[float]
     """Of those not lost [s]."""
@@ -107,12 +106,12 @@ def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     chosen = set(map(id, sorted(links, key=lambda link: -link.loss)[:_MOST_LINKS]))
     worst = [link for link in links if id(link) in chosen]
     positions = np.arange(len(worst))
-    asked = np.array([link.model.loss for link in worst])
-    spread = 2.0 * np.sqrt(asked * (1.0 - asked) / [link.decided for link in worst])
+    loss = np.array([link.model.loss for link in worst])
+    spread = 2.0 * np.sqrt(loss * (1.0 - loss) / [link.decided for link in worst])
     lost, small = [100 * link.loss for link in worst], style.current().small
     axes.bar(positions, lost, width=0.6, color=style.MUTED, label="lost")
     axes.errorbar(
-        positions, 100 * asked, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
+        positions, 100 * loss, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
         capsize=4, label="link model, ±2 standard deviations\nof independent losses",
     )  # fmt: skip
     axes.set_xticks(positions, [link.name for link in worst])
@@ -211,10 +210,11 @@ def _draw_zoom(
         for colour, marker, origins in _DOTS:
             t = [s.t for s in history.steps[i] if begin <= s.t <= end and s.origin in origins]
             axes.plot(t, [lane] * len(t), marker, color=colour, markersize=4, zorder=4)
-    sent = history.broadcasts[(begin <= history.broadcasts.sent) & (history.broadcasts.sent <= end)]
-    sent = sent[np.isin(sent.sender, agents) & np.isin(sent.receiver, agents)]
+    every = history.broadcasts
+    inside = every[(begin <= every.sent) & (every.sent <= end)]
+    inside = inside[np.isin(inside.sender, agents) & np.isin(inside.receiver, agents)]
     for code, fate in enumerate(FATES):
-        of_fate = sent[sent.fate == code]
+        of_fate = inside[inside.fate == code]
         begins, ends, dashes = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
         if fate == LOST:  # a line half way to its receiver
             ends, dashes = (begins + ends) / 2.0, "--"
@@ -243,8 +243,8 @@ def _zoomed_agents(history: ReportHistory) -> list[int]:
     count = len(history.swarm.names)
     if count <= style.MOST_NAMED:
         return list(range(count))
-    sent = history.broadcasts
-    missed = np.bincount(sent.receiver[sent.fate != FATES.index(IN_TIME)], minlength=count)
+    every = history.broadcasts
+    missed = np.bincount(every.receiver[every.fate != FATES.index(IN_TIME)], minlength=count)
     first = [i for i in history.worst_pair if i < count]
     others = [i for i in np.argsort(-missed, kind="stable").tolist() if i not in first]
     return sorted([*first, *others][: style.MOST_NAMED])

@@ -171,18 +171,18 @@ def _pairs_by_kind(swarm: Swarm) -> dict[str, list[Pair]]:
         "normal–adversary": [p for p in pairs if p.b < agents and p.b not in normal],
         "normal–obstacle": [p for p in pairs if agents <= p.b < sides],
     }
-    return {kind: found for kind, found in kinds.items() if found}
+    return {kind: of_kind for kind, of_kind in kinds.items() if of_kind}
 
 
 def _draw_pairs(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> None:
     """Draw the closest pairs, the closest first in the legend."""
     palette, swarm = style.colours(history.scenario), history.swarm
     for rank, (pair, least) in enumerate(nearest(history, pairs, (), _MOST_PAIRS).closest):
-        named = rank < style.MOST_NAMED
+        has_name = rank < style.MOST_NAMED
         style.draw_line(
             axes, Series(history.times, history.distance(pair)),
-            colour=palette[swarm.names[pair.a]] if named else style.MUTED,
-            width=1.1 if named else 0.5, zorder=2.5 if named else 2.0,
+            colour=palette[swarm.names[pair.a]] if has_name else style.MUTED,
+            width=1.1 if has_name else 0.5, zorder=2.5 if has_name else 2.0,
             linestyle=style.DASHES[pair.b % len(swarm.names) % len(style.DASHES)],
             label=f"{swarm.safe_set.label(pair)}, least {least:.3g} m",
         )  # fmt: skip

@@ -94,8 +94,8 @@ def ages(history: ReportHistory) -> Figure | None:
     figure, rows = style.over_time(len(curves), 1.7)
     for receiver, axes in zip(curves, rows, strict=True):
         i = names.index(receiver)
-        ages_by_step = [dict(step.ages) for step in history.steps[i]]
-        age = 1e3 * np.array([[each.get(name, np.nan) for name in names] for each in ages_by_step])
+        by_sender = [dict(step.ages) for step in history.steps[i]]
+        age = 1e3 * np.array([[ages.get(l, np.nan) for l in names] for ages in by_sender])
         senders = np.flatnonzero(np.isfinite(age).any(axis=0))
         for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
             label = f"from {names[l]}, oldest {np.nanmax(age[:, l]):.3g} ms"
@@ -113,13 +113,13 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
     curves, colour = input_curves(history.swarm, i, steps), style.colours(history.scenario)
     curves = [*_norm(history, i, curves), *curves]
     figure, rows = style.over_time(len(curves), 1.9)
-    held_until = max(history.times[-1], steps.t[-1])
+    last = max(history.times[-1], steps.t[-1])
     has_nominal = bool(np.isfinite(steps.u_nom).all())
     for curve, axes in zip(curves, rows, strict=True):
         applied = curve.applied
         if has_nominal:
-            style.draw_line(axes, curve.nominal, colour=style.MUTED, width=0.7, held=True)
-        style.draw_line(axes, applied.held(held_until), colour=colour[name], width=0.9, held=True)
+            style.draw_line(axes, curve.nominal, colour=style.MUTED, width=0.7, stairs=True)
+        style.draw_line(axes, applied.extended(last), colour=colour[name], width=0.9, stairs=True)
         bounds = [bound for bound in curve.bounds if bound is not None]
         for bound in bounds:
             axes.axhline(bound, color=style.LIMIT, linestyle=":", linewidth=1.2)
@@ -188,7 +188,7 @@ def draw_shares(axes: Axes, history: RecordedHistory) -> None:
     elif curves:
         for name, series in curves.items():
             label = f"{name}: {series.y.mean():.0%} on average"
-            style.draw_line(axes, series, colour=palette[name], held=True, label=label)
+            style.draw_line(axes, series, colour=palette[name], stairs=True, label=label)
         axes.margins(x=0.01)
         style.legend(axes, "agent")
     if curves:
@@ -265,9 +265,9 @@ def disturbances(history: ReportHistory) -> Figure | None:
     swarm, palette = history.swarm, style.colours(history.scenario)
     every = zip(swarm.names, disturbances_of(history.recording, swarm), strict=True)
     curves = {
-        name: Series(found.t, np.where(np.isfinite(found.size), found.size, np.nan))
-        for name, found in every
-        if len(found.t)
+        name: Series(needed.t, np.where(np.isfinite(needed.size), needed.size, np.nan))
+        for name, needed in every
+        if len(needed.t)
     }
     if not curves:
         return None
@@ -276,7 +276,7 @@ def disturbances(history: ReportHistory) -> Figure | None:
         style.draw_many(axes, curves, lambda y: -np.nanmax(y), "agents")
     else:
         for name, curve in curves.items():
-            style.draw_line(axes, curve, colour=palette[name], held=True, label=name)
+            style.draw_line(axes, curve, colour=palette[name], stairs=True, label=name)
         style.legend(axes)
     for bound in {group.disturbance.bound for group in swarm.groups}:
         axes.axhline(bound, color=style.LIMIT, linewidth=1.2)

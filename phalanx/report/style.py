@@ -181,12 +181,12 @@ def legend(
 
 
 def draw_line(
-    axes: Axes, series: Series, *, colour: str, width: float = 0.8, held: bool = False,
+    axes: Axes, series: Series, *, colour: str, width: float = 0.8, stairs: bool = False,
     **looks: Any,
 ) -> None:  # fmt: skip
-    """Draw a series through its extremes; held: as steps, each value until the next."""
+    """Draw a series through its extremes; stairs: as steps, each value until the next."""
     peaks = extremes(series.y)
-    style = "steps-post" if held else "default"
+    style = "steps-post" if stairs else "default"
     axes.plot(
         series.t[peaks], series.y[peaks], color=colour, linewidth=width, drawstyle=style, **looks
     )
@@ -212,7 +212,7 @@ def draw_many(
     for name, colour in zip(worst[:FEW], WORST, strict=False):
         y = curves[name].y
         label = f"{name}: {np.nanmin(y):.3g} to {np.nanmax(y):.3g}{unit}"
-        draw_line(axes, curves[name], colour=colour, held=True, label=label)
+        draw_line(axes, curves[name], colour=colour, stairs=True, label=label)
     axes.margins(x=0.01)
     legend(axes)
 
@@ -242,8 +242,8 @@ def svg_of(draw: Callable[[], Figure]) -> bytes:
     head, start, body = svg[svg.index("<svg") :].partition("<defs>")
     name = {light: f"--{light[1:]}" for light in DARK}
     body = _COLOUR.sub(lambda at: f"var({name[at[0]]})" if at[0] in name else at[0], start + body)
-    light = "".join(f"{name[each]}:{each};" for each in DARK)
-    dark = "".join(f"{name[each]}:{DARK[each]};" for each in DARK)
+    light = "".join(f"{name[colour]}:{colour};" for colour in DARK)
+    dark = "".join(f"{variable}:{DARK[colour]};" for colour, variable in name.items())
     style = (
         f"<style>:root{{{light}fill:var({name['#000000']})}}"
         f"@media (prefers-color-scheme:dark){{:root{{{dark}}}}}</style>"

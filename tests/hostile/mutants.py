@@ -230,7 +230,7 @@ MUTANTS = (
            "lasting = horizon / 3.0", _TEST_MARGIN),
     Mutant("what actuators take beyond U", _INTEGRATED, "* bound.bend + outside", "* bound.bend",
            _TEST_MARGIN),
-    Mutant("a recording of nothing", _VERIFY, "if not recorded.states and not recorded.shown:",
+    Mutant("a recording of nothing", _VERIFY, "if not recorded.states and not recorded.step_data:",
            "if False:", _TEST_VERIFY),
     Mutant("another seed", _VERIFY, "{} if seed is None else", "{} if True else", _TEST_VERIFY),
     Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",

@@ -112,7 +112,7 @@ BUDGET: Mapping[str, int] = {
     "messages": 980,
     "network": 1480,
     "plant": 5000,
-    "recording": 2040,
+    "recording": 2000,
     "report": 2320,
     "scenario": 1540,
     "schema": 820,
@@ -120,7 +120,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2560,
     "swarm": 1380,
     "theory": 8280,
-    "viewer": 5300,
+    "viewer": 5260,
     "wire": 700,
 }
 EXTENSIONS = {

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.messages.membership import Membership
-from phalanx_viewer.feeds.feed import keep_up, stop_request
+from phalanx_viewer.feeds import keep_up, stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.page.page import Page

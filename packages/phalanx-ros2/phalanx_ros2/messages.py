@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from phalanx_viewer.feeds.feed import interim_outcome
+from phalanx_viewer.feeds import interim_outcome
 from phalanx_viewer.scene.colours import COLOURS, DANGER, Role, role
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes

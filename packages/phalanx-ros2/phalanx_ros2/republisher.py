@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from phalanx_viewer.feeds.feed import Feed, keep_up, stop_request
+from phalanx_viewer.feeds import Feed, keep_up, stop_request
 from phalanx_viewer.feeds.replay import Replay
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped

@@ -35,10 +35,10 @@ class Series(NamedTuple):
 
     def finite(self) -> "Series":
         """The values that are not NaN."""
-        found = np.isfinite(self.y)
-        return Series(self.t[found], self.y[found])
+        finite = np.isfinite(self.y)
+        return Series(self.t[finite], self.y[finite])
 
-    def held(self, until: float) -> "Series":
+    def extended(self, until: float) -> "Series":
         """The same, with the last value until a later time [s]."""
         return Series(np.append(self.t, [until] * len(self.t[-1:])), np.append(self.y, self.y[-1:]))
 
@@ -195,18 +195,18 @@ def lanes(
     def counted(agents: Array, t: Array, counts: Array) -> Array:
         at = np.clip(intervals * (t - begin) / (end - begin), 0, intervals - 1).astype(int)
         cells = intervals * agents.astype(int) + at
-        total = np.bincount(cells, counts, shape[0] * intervals).reshape(shape)
-        return total.astype(float)
+        sums = np.bincount(cells, counts, shape[0] * intervals).reshape(shape)
+        return sums.astype(float)
 
     fates = history.fates
-    sent, late, lost = (
-        counted(fates.receiver, fates.t, counts) for counts in (fates.sent, fates.late, fates.lost)
+    total, late, lost = (
+        counted(fates.receiver, fates.t, counts) for counts in (fates.total, fates.late, fates.lost)
     )
     false = history.broadcasts[history.broadcasts.false]
     edges = np.linspace(begin, end, intervals + 1)
     return Lanes(
-        late / np.maximum(sent, 1.0),
-        lost / np.maximum(sent, 1.0),
+        late / np.maximum(total, 1.0),
+        lost / np.maximum(total, 1.0),
         np.array([_states(s, tau, edges, now) for s, tau in zip(steps, taus, strict=True)]),
         np.minimum(counted(false.sender, false.sent, np.ones(len(false))), 1.0),
     )

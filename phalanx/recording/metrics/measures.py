@@ -118,8 +118,8 @@ def metrics_of_agents(
     t, x, parts = recording.times, recording.x, swarm.safe_set.parts
     end = float(t[-1]) if len(t) else 0.0
     shape = len(t), len(swarm.names), swarm.groups[0].axes
-    p = np.array([swarm.positions(each) for each in x]).reshape(shape)
-    states = [{l: each[part] for l, part in enumerate(parts)} for each in x]
+    p = np.array([swarm.positions(state) for state in x]).reshape(shape)
+    states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
     steps = steps_by_agent(recording).values()
     with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
         return [

@@ -151,7 +151,7 @@ def in_words(metrics: Mapping[str, Mapping[str, Value]], normal: Sequence[str]) 
         return ""
     parts = [f"tracking error {_number(swarm['tracking_error_mean'])} m on average"]
     arrived = [metrics[name]["arrived"] for name in normal]
-    resting = [each for each in arrived if each is not None]
+    resting = [arrival for arrival in arrived if arrival is not None]
     if resting:
         last = swarm["arrival_time"]
         when = "" if last is None else f", the last at {_number(last)} s"

@@ -60,16 +60,16 @@ def test_a_declared_delay_comes_on_top_of_the_transports(recorded: Recording) ->
 def test_every_decision_can_be_made_again_from_what_was_shown(recorded: Recording) -> None:
     verification = verify(recorded)
     assert verification
-    assert verification.steps == len(recorded.shown) == len(recorded.steps)
-    assert any(shown.received for shown in recorded.shown)
+    assert verification.steps == len(recorded.step_data) == len(recorded.steps)
+    assert any(shown.received for shown in recorded.step_data)
 
 
 @pytest.mark.parametrize("what", ["x", "received"])
 def test_a_last_digit_of_what_was_shown_makes_another_decision(
     recorded: Recording, what: str
 ) -> None:
-    forged = replace(recorded, shown=copy.deepcopy(recorded.shown))
-    sample = next(s for s in forged.shown if s.agent == "1" and s.received and s.t > 1.0)
+    forged = replace(recorded, step_data=copy.deepcopy(recorded.step_data))
+    sample = next(s for s in forged.step_data if s.agent == "1" and s.received and s.t > 1.0)
     if what == "x":
         sample.x = [math.nextafter(value, math.inf) for value in sample.x]
     else:

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.plots.content import Content
-from phalanx_viewer.plots.plots import content, values_at
+from phalanx_viewer.plots.plots import Content, content, values_at
 from phalanx_viewer.scene.picture import Picture
 
 from phalanx.faults.commands import CommandKind

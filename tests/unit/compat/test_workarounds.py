@@ -23,7 +23,7 @@ from mcap.writer import Writer
 from viser._messages import RunJavascriptMessage
 
 from phalanx.launcher.libraries import _without_main
-from phalanx.recording.mcap_chunks import PackedWriter
+from phalanx.recording.write import PackedWriter
 from phalanx.wire.session import free_endpoint
 from phalanx.wire.zenoh_sessions import disable_linger
 from tests.process.runs import wait_for
@@ -150,7 +150,7 @@ def test_viser_takes_no_origins_and_keeps_every_script():
 
 def test_a_page_that_viser_writes_takes_nothing_but_its_colours():
     parameters = set(inspect.signature(viser.infra.StateSerializer.as_html).parameters)
-    assert parameters == {"self", "dark_mode"}, "viser_player.js may go"
+    assert parameters == {"self", "dark_mode"}, "window.viserPlayer of player.html may go"
 
 
 def test_viser_handles_messages_while_it_draws():
@@ -187,4 +187,4 @@ def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls(
     for writer in (own, packed):
         writer.finish()
     assert files[1].getvalue() == files[0].getvalue()
-    assert calls[0] > 4 * calls[1], "mcap packs messages itself: phalanx/recording/mcap_chunks.py"
+    assert calls[0] > 4 * calls[1], "mcap packs messages itself: phalanx/recording/write.py"

@@ -5,12 +5,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 from phalanx.recording.curves.history import (
+    BROADCAST,
     EMPTY_CODES,
+    FATES,
+    IN_TIME,
+    LATE,
+    LOST,
     Fates,
     agent_series,
-    broadcast_array,
     fates_of,
     series_width,
 )
@@ -24,9 +27,11 @@ class Past(NamedTuple):
     fates: Fates
 
 
-def past(*sent: Broadcast) -> Past:
-    found = broadcast_array(sent)
-    return Past(found, fates_of(found))
+def past(*fates: tuple[str, float, bool]) -> Past:
+    """Broadcasts of the second agent to the first: fate, when it was sent [s], whether false."""
+    rows = [(1, 0, sent, sent, FATES.index(fate), false) for fate, sent, false in fates]
+    broadcasts = np.array(rows, BROADCAST).view(np.recarray)
+    return Past(broadcasts, fates_of(broadcasts))
 
 
 def test_a_lane_shows_the_share_of_broadcasts_late_and_lost_and_the_gravest_state():
@@ -35,7 +40,7 @@ def test_a_lane_shows_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
     rows[2, 1] = EMPTY_CODES["backup"]
     speaking, silent = agent_series(rows), agent_series(np.delete(rows, [6, 7], axis=0))
     fates = [(IN_TIME, 0.5), (LATE, 0.6), (LOST, 0.7), (LOST, 3.5), (LATE, 9.5)]
-    run = past(*(Broadcast(1, 0, sent, sent, fate) for fate, sent in fates))
+    run = past(*((*fate, False) for fate in fates))
     late, lost, state, _ = lanes(run, [speaking, silent], [1.0, 1.0], (0.0, 10.0), 10.0, 200)
     np.testing.assert_allclose(late[0], [1 / 3, 0, 0, 0, 0, 0, 0, 0, 0, 1])
     np.testing.assert_allclose(lost[0], [1 / 3, 0, 0, 1, 0, 0, 0, 0, 0, 0])
@@ -47,7 +52,7 @@ def test_a_lane_shows_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
 def test_a_false_broadcast_is_in_its_senders_lane():
     rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = np.arange(10.0)
-    run = past(*(Broadcast(1, 0, 4.5, 4.6, IN_TIME, lied) for lied in (False, True, True)))
+    run = past(*((IN_TIME, 4.5, lied) for lied in (False, True, True)))
     drawn = lanes(run, [agent_series(rows)] * 3, [2.0] * 3, (0.0, 10.0), 10.0, 200)
     np.testing.assert_array_equal(drawn.false, np.outer([0, 1, 0], np.arange(10) == 4))
 

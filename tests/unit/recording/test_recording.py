@@ -490,7 +490,7 @@ def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Pat
     large = msgspec.structs.replace(GOOD, residual=1e303)
     log = Log(0.1, "agent e303 is lost")
     recording = read(write(tmp_path / RECORDING, large, SHOWN, log))
-    assert (recording.steps, recording.shown, recording.damage) == ([large], [SHOWN], None)
+    assert (recording.steps, recording.step_data, recording.damage) == ([large], [SHOWN], None)
 
 
 @pytest.mark.slow

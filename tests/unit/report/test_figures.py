@@ -14,9 +14,8 @@ from phalanx.recording.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
-from phalanx.report.page import origins
 from phalanx.report.safety import distances
-from phalanx.report.write import draw_figures
+from phalanx.report.write import draw_figures, origins
 from phalanx.scenario.load import load, read_table
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import SingleIntegrator

@@ -7,7 +7,7 @@ import pytest
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.report.page import key_figures
+from phalanx.report.write import key_figures
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.theory.baselines.controllers import Escape

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.plots.content import Curve, Plot
-from phalanx_viewer.plots.plots import content
+from phalanx_viewer.plots.plots import Curve, Plot, content
 
 import phalanx
 from phalanx.recording.curves.history import ReportHistory

@@ -34,7 +34,7 @@ def test_links_that_were_late_or_lost_are_counted_with_all_that_lead_to_an_agent
     fates = past.fates
     np.testing.assert_array_equal(fates.t, [0.0] * 5 + [0.1] * 5)
     np.testing.assert_array_equal(fates.receiver, [*range(5)] * 2)
-    np.testing.assert_array_equal(fates.sent, [2.0, 2.0, 2.0, 0.0, 0.0] * 2)
+    np.testing.assert_array_equal(fates.total, [2.0, 2.0, 2.0, 0.0, 0.0] * 2)
     np.testing.assert_array_equal(fates.lost, [0.0] * 7 + [1.0, 0.0, 0.0])
     np.testing.assert_array_equal(fates.late, [0.0] * 7 + [1.0, 0.0, 0.0])
 

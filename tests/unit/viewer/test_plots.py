@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from phalanx_viewer.plots.content import Period
-from phalanx_viewer.plots.plots import bands, curve, empty_periods, fault_periods, numbers
+from phalanx_viewer.plots.plots import Period, bands, curve, empty_periods, fault_periods, numbers
 
 from phalanx.faults.commands import Condition
 from phalanx.recording.curves.history import (
@@ -77,6 +76,6 @@ def test_a_fault_period_lasts_until_the_same_agent_is_fine_or_to_the_end():
 
 
 def test_a_held_value_lasts_until_later_and_nothing_is_held_before_the_first():
-    held = Series(np.array([0.0, 1.0]), np.array([2.0, 3.0])).held(5.0)
-    np.testing.assert_array_equal(held, [[0.0, 1.0, 5.0], [2.0, 3.0, 3.0]])
-    assert len(Series(np.zeros(0), np.zeros(0)).held(5.0).t) == 0
+    extended = Series(np.array([0.0, 1.0]), np.array([2.0, 3.0])).extended(5.0)
+    np.testing.assert_array_equal(extended, [[0.0, 1.0, 5.0], [2.0, 3.0, 3.0]])
+    assert len(Series(np.zeros(0), np.zeros(0)).extended(5.0).t) == 0

@@ -12,7 +12,7 @@ from phalanx_viewer.scene.picture import Picture
 import phalanx
 from phalanx.cli.display import last_line
 from phalanx.report import safety
-from phalanx.report.page import key_figures
+from phalanx.report.write import key_figures
 
 SPEED, AWAY = 2.0, 1.1
 END = 1.2

@@ -59,7 +59,7 @@ class Content:
         h = {"h_tot": self.recording.h_tot}
         h |= {f"h_{label}": of for label, of in zip(self.labels, self.h.T, strict=True)}
         yield Numbers("h", "H", t, h, {})
-        of_quantities = {name: unit_of(each, swarm) for name, each in QUANTITIES.items()}
+        of_quantities = {name: unit_of(quantity, swarm) for name, quantity in QUANTITIES.items()}
         for member, part in zip(swarm.members, swarm.safe_set.parts, strict=True):
             of, kind, name = units(member.dynamics), type(member.dynamics).__name__, member.name
             states = dict(zip(of.states, self.x[:, part].T, strict=True))

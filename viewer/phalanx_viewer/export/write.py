@@ -16,8 +16,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.export.common import Content
 from phalanx_viewer.export.still import draw
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.plots.content import script
-from phalanx_viewer.plots.plots import content
+from phalanx_viewer.plots.plots import content, script
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, begin_with
 from phalanx_viewer.scene.server import SceneServer
@@ -87,7 +86,6 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     times: list[float] = np.linspace(begin, replay.end, count).tolist()
     scene, summary = _scene(replay, times, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
-    player = files("phalanx_viewer.export").joinpath("viser_player.js").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
         "verdict": ": ".join(verdict),
@@ -97,8 +95,8 @@ def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) 
     # A tag or a comment in the data could end the element that holds them.
     text = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
-    parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
-    parts = parts.replace("<!--LEGEND-->", legend(replay.model)).replace("/*DATA*/", text)
+    parts = page.replace("<!--LEGEND-->", legend(replay.model)).replace("/*SCRIPT*/", script())
+    parts = parts.replace("/*DATA*/", text)
     return scene[:end] + parts + scene[end:]
 
 

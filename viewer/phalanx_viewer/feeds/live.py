@@ -81,8 +81,7 @@ class Live(AbstractContextManager["Live"]):
     @property
     def unfinished(self) -> str:
         """Reason why there will be no verdict; empty otherwise."""
-        left = self.over and self.summary is None
-        return "the plant left without a verdict" if left else ""
+        return "the plant left without a verdict" if self.over and not self.summary else ""
 
     def recent_paths(self, t: float) -> Array:
         """Positions up to the last frame, shape (s, N, 3), the oldest first."""
@@ -106,8 +105,8 @@ class Live(AbstractContextManager["Live"]):
         try:
             return self._sealer.open(key, answer, Setup)
         except Malformed as reason:
-            what = f"run {to.run!r} at {to.endpoint}"
-            raise NoRunError(f"{what}: {reason}; is the secret right?") from reason
+            run = f"run {to.run!r} at {to.endpoint}"
+            raise NoRunError(f"{run}: {reason}; is the secret right?") from reason
 
     def _on_frame(self, key: str, payload: bytes) -> None:
         try:

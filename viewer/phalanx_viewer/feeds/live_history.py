@@ -44,32 +44,32 @@ def path_points(agents: int) -> int:
 class _TimeSeries:
     """Rows of numbers, time [s] first, appended one by one; of too many, every two become one."""
 
-    def __init__(self, kept: Sequence[int] | Array) -> None:
-        """kept: for each number 1, -1 or 0: of two rows the largest, smallest or last is kept."""
-        self._kept = np.array(kept)
-        self._rows, self._count = np.zeros((_FIRST_CAPACITY, len(kept))), 0
+    def __init__(self, choices: Sequence[int] | Array) -> None:
+        """choices: for each number 1, -1 or 0: of two rows it is the largest, smallest or last."""
+        self._choices = np.array(choices)
+        self._rows, self._count = np.zeros((_FIRST_CAPACITY, len(choices))), 0
         self._of_row, self._of_last = 1, 1
         """Rows that were appended for each one here, and for the last."""
 
     def append(self, row: Array | list[float]) -> None:
         if self._of_last < self._of_row:
             last = self._count - 1
-            self._rows[last], self._of_last = self._one(self._rows[last], row), self._of_last + 1
+            self._rows[last], self._of_last = self._merged(self._rows[last], row), self._of_last + 1
             return
         if self._count == _MOST_ROWS:
             self._count //= 2
-            self._rows[: self._count] = self._one(self._rows[::2], self._rows[1::2])
+            self._rows[: self._count] = self._merged(self._rows[::2], self._rows[1::2])
             self._of_row *= 2
         elif self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         self._rows[self._count], self._of_last = row, 1
         self._count += 1
 
-    def _one(self, before: Array, after: Array | list[float]) -> Array:
+    def _merged(self, before: Array, after: Array | list[float]) -> Array:
         """Two rows, or two arrays of rows, as one; a number that is known goes before NaN."""
         largest, smallest = np.fmax(before, after), np.fmin(before, after)
-        found: Array = np.choose(self._kept + 1, [smallest, after, largest])
-        return found
+        merged: Array = np.choose(self._choices + 1, [smallest, after, largest])
+        return merged
 
     @property
     def rows(self) -> Array:

@@ -9,7 +9,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.frames import AgentStatus, Frame, LogLine
 from phalanx.recording.curves.series import NO_ROW
 from phalanx.theory.rows.origin import origin_label
-from phalanx_viewer.feeds.feed import Feed, interim_outcome
+from phalanx_viewer.feeds import Feed, interim_outcome
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.server import Callback, in_loop

@@ -1,15 +1,22 @@
-"""The plots of a run, and the marks on its timeline."""
+"""The plots of a run and the marks on its timeline, and the script that draws them in a browser.
 
+All times are in seconds.
+"""
+
+import functools
+import json
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
 
+import msgspec
 import numpy as np
 
 from phalanx.faults.commands import Condition
 from phalanx.messages.frames import Frame
 from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
-from phalanx.recording.broadcasts import FATES
 from phalanx.recording.curves.history import (
     EMPTY_CODES,
+    FATES,
     AgentSeries,
     ConditionChange,
     smallest_distance,
@@ -28,8 +35,7 @@ from phalanx.recording.curves.series import (
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
-from phalanx_viewer.feeds.feed import Feed
-from phalanx_viewer.plots.content import FALSE, Content, Curve, Lane, Mark, Period, Plot, Zoom
+from phalanx_viewer.feeds import Feed
 
 Safe = tuple[float | None, float | None]
 
@@ -45,6 +51,124 @@ _PSI, _INPUT = "ψ_{}", "Input {} and nominal"
 _STEPS = 500
 """Presses of an arrow key from the run's begin to its end."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
+
+
+class Curve(msgspec.Struct, omit_defaults=True):
+    """A line in a plot, or with `to` the band between two lines."""
+
+    t: list[float]
+    y: list[float]
+    to: list[float] | None = None
+    """The band's other edge."""
+    name: str = ""
+    agent: int | None = None
+    """The agent that it belongs to: bold when that is chosen."""
+    role: str = ""
+    """Style otherwise: "chosen" bold, "guide" dashed, by default pale."""
+
+
+class Lane(msgspec.Struct):
+    """One agent in a space-time diagram: a digit for each interval of the run."""
+
+    late: str
+    """Share of the broadcasts to it that came too late for its next step: 0 none, 9 all."""
+    lost: str
+    """Share of the broadcasts to it that were lost."""
+    state: str
+    """Its gravest state: a place in LANE_STATES."""
+    false: str
+    """1 if it sent a false broadcast, else 0."""
+
+
+FALSE = "false"
+"""The fate in a Zoom of a false broadcast."""
+
+
+class Zoom(msgspec.Struct):
+    """A few control steps around the worst moment, broadcast by broadcast."""
+
+    begin: float
+    end: float
+    steps: list[list[float]]
+    """Times of each agent's steps."""
+    broadcasts: list[tuple[int, float, int, float, str]]
+    """Sender, time sent, receiver, time of arrival and fate of each."""
+
+
+class Plot(msgspec.Struct):
+    """One plot; times run from the run's begin to its end."""
+
+    title: str
+    unit: str
+    curves: list[Curve]
+    safe: tuple[float | None, float | None] = (None, None)
+    """Least and largest safe value; beyond them the plot is shaded."""
+    logarithmic: bool = False
+    of_agents: bool = False
+    """If true, the chosen agent's backup periods are shown; else all agents' faults."""
+    agent: int | None = None
+    """Shown only when that agent is chosen; null: always."""
+    lanes: list[Lane] = []
+    """A space-time diagram, instead of curves."""
+    zoom: Zoom | None = None
+    """The worst moment of a recorded run."""
+
+
+class Period(msgspec.Struct):
+    """A period in which an agent was on its backup, without authority, or not fine."""
+
+    agent: int
+    kind: str
+    """An Origin or a Condition."""
+    begin: float
+    end: float
+
+
+class Mark(msgspec.Struct):
+    """A moment worth jumping to."""
+
+    t: float
+    text: str
+    kind: str = "log"
+    """Its kind: "worst", "backup", "violation", "fault" or "log"."""
+
+
+class Content(msgspec.Struct):
+    """Everything the page's script draws."""
+
+    title: str
+    begin: float
+    end: float
+    step: float
+    """Time by which an arrow key moves the cursor."""
+    seekable: bool
+    """If true, visitors can move the cursor; else it follows the run."""
+    agents: list[str]
+    adversaries: list[bool]
+    chosen: int
+    pair: int
+    """The pair whose h is bold."""
+    plots: list[Plot]
+    periods: list[Period]
+    marks: list[Mark]
+
+
+_PARTS = ("state.js", "plots.js", "timeline.js")
+"""Functions of one scope: each part uses those before it."""
+
+
+@functools.cache
+def script() -> str:
+    """JavaScript that adds the panels to a page, and `phalanx` to its window.
+
+    phalanx.show(content) draws a Content, phalanx.at({t, playing, speed}) moves the cursor, and
+    phalanx.act is called with {seek: t}, {play: true or false} or {speed: factor}.
+    """
+    here = files(__package__)
+    style = json.dumps(here.joinpath("panels.css").read_text("utf-8"))
+    parts = "\n".join(here.joinpath(part).read_text("utf-8") for part in _PARTS)
+    # A page that lost its connection for a while receives everything again.
+    return f"if (!window.phalanx) (() => {{\nconst STYLE = {style};\n{parts}\n}})();"
 
 
 def content(
@@ -147,7 +271,7 @@ class _Plots:
                 _INPUT.format(u.name), u.unit,
                 [
                     curve(u.nominal, "nominal", role="guide", most=self._most),
-                    curve(u.applied.held(self._times[2]), agent=i, most=self._most),
+                    curve(u.applied.extended(self._times[2]), agent=i, most=self._most),
                 ],
                 u.bounds, of_agents=True, agent=i,
             )
@@ -195,11 +319,11 @@ class _Plots:
         only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
         worst = float(rows[np.argmax(rows[:, 2]), 0])
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
-        sent = self._past.broadcasts
+        every = self._past.broadcasts
         broadcasts = [
             (sender, t, receiver, arrival, FALSE if false else FATES[fate])
-            for sender, receiver, t, arrival, fate, false in sent[
-                (begin <= sent.sent) & (sent.sent <= end)
+            for sender, receiver, t, arrival, fate, false in every[
+                (begin <= every.sent) & (every.sent <= end)
             ].tolist()
             if only in (None, sender, receiver)
         ]
@@ -260,8 +384,8 @@ def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
     """Periods from a step with empty K_i until the next step without."""
     periods = []
     for kind, value in EMPTY_CODES.items():
-        held = np.concatenate([[False], steps.empty == value, [False]])
-        edges = np.flatnonzero(np.diff(held.astype(int)))
+        mask = np.concatenate([[False], steps.empty == value, [False]])
+        edges = np.flatnonzero(np.diff(mask.astype(int)))
         last = len(steps.t) - 1
         for begin, end in edges.reshape(-1, 2).tolist():
             t, until = steps.t[begin], steps.t[min(end, last)]

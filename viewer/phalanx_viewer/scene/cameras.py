@@ -151,27 +151,27 @@ class Framing(StrEnum):
 class _Moved:
     """The views that a visitor's browser was sent, and the visitor's own zoom."""
 
-    sent: View
+    last: View
     """The last view."""
     fit: float
     """Distance at which the visitor sees everything to be shown [m]."""
     zoom: float = 1.0
     """The visitor's own factor on that distance."""
-    sent_before: deque[View] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+    earlier: deque[View] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     """Earlier views: a slow browser may still report the first one after the last was sent."""
 
     def on_report(self, view: View) -> None:
         """Handle a view that the browser reports: one that it was not sent is the visitor's."""
-        if not any(_expected(view, sent) for sent in (self.sent, *self.sent_before)):
-            self.zoom *= view.distance / self.sent.distance
-            self.sent = view
-            self.sent_before.clear()
+        if not any(_expected(view, target) for target in (self.last, *self.earlier)):
+            self.zoom *= view.distance / self.last.distance
+            self.last = view
+            self.earlier.clear()
 
     def send(self, client: viser.ClientHandle, view: View) -> None:
         """Make the browser show a view."""
-        if not _steady(self.sent, view):
-            self.sent_before.append(self.sent)
-            self.sent = view
+        if not _steady(self.last, view):
+            self.earlier.append(self.last)
+            self.last = view
             with client.atomic():
                 client.camera.position, client.camera.look_at = view.position, view.look_at
 
@@ -203,7 +203,7 @@ class Camera:
         """Set the part of the run that is shown; one agent from the visitor's distance."""
         moved, self.framing = self._moved, framing
         follows = moved is not None and framing is Framing.AGENT
-        self._moved = _Moved(moved.sent, moved.sent.distance) if moved and follows else None
+        self._moved = _Moved(moved.last, moved.last.distance) if moved and follows else None
         self.on_keep(framing)
 
     def request_shape(self) -> None:
@@ -219,7 +219,7 @@ class Camera:
         """Move the camera to what it shows of positions, shape (N, 3); return what is seen."""
         if self._client is None or not (view := self._view(self._client)).possible:
             return self._first  # a browser may report an impossible one
-        if self._moved and _steady(view, self._first) and not _steady(self._moved.sent, view):
+        if self._moved and _steady(view, self._first) and not _steady(self._moved.last, view):
             self._moved = None  # back where it began, such as by viser's button
         if self.framing is Framing.RUN:
             self._fit_run(self._client, view, positions)
@@ -236,7 +236,7 @@ class Camera:
             middle = (low + high) / 2.0
             self._run = np.concatenate([self._run, middle + _LOOSE * (positions - middle)])
             self._bounds = self._run.min(axis=0), self._run.max(axis=0)
-        if moved is None or beyond or not _close(moved.sent.aspect, view.aspect):
+        if moved is None or beyond or not _close(moved.last.aspect, view.aspect):
             # A new visitor has no direction of its own, and its camera may not be in place yet.
             towards = self._first if moved is None else view
             towards = replace(towards, aspect=view.aspect, pixels=view.pixels)
@@ -255,8 +255,8 @@ class Camera:
         else:
             if not _close(view.distance, self._first.distance):  # where every browser begins
                 moved.on_report(view)
-            if not _close(view.distance, moved.sent.distance):  # the view sent is on its way
-                view = replace(moved.sent, aspect=view.aspect, pixels=view.pixels)
+            if not _close(view.distance, moved.last.distance):  # the view sent is on its way
+                view = replace(moved.last, aspect=view.aspect, pixels=view.pixels)
         fitted = view.fitted(positions if only is None else positions[[only]], self._reach)
         look_at = fitted.look_at
         if only is None:
@@ -277,21 +277,21 @@ class Camera:
             return view
         # A browser that reports before it has drawn the view that it was sent gives the new point
         # that it looks at, but its old position: together a tilted direction.
-        return replace(self._moved.sent, aspect=view.aspect, pixels=view.pixels)
+        return replace(self._moved.last, aspect=view.aspect, pixels=view.pixels)
 
 
 def _close(a: float, b: float) -> bool:
     return abs(a - b) <= _SAME * b
 
 
-def _expected(reported: View, sent: View) -> bool:
+def _expected(reported: View, target: View) -> bool:
     """True if a browser that was sent one view may report the other.
 
     viser takes over a new view position first: a report meanwhile leaves it with the position of
     one view and the middle of the other. A visitor who zooms changes the position too.
     """
-    there = np.abs(reported.position - sent.position).max() <= _EXACT * sent.distance
-    return bool(there) or _close(reported.distance, sent.distance)
+    there = np.abs(reported.position - target.position).max() <= _EXACT * target.distance
+    return bool(there) or _close(reported.distance, target.distance)
 
 
 def _steady(a: View, b: View) -> bool:

@@ -144,7 +144,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
 
         box.on_update(in_loop(show))
 
-    scene.camera.on_keep = lambda kept: setattr(framing, "value", kept.value)
+    scene.camera.on_keep = lambda chosen: setattr(framing, "value", chosen.value)
     framing.on_update(in_loop(keep))
     fit.on_click(in_loop(keep))
     dark.on_update(in_loop(set_dark))

@@ -3,18 +3,21 @@
 import asyncio
 import contextlib
 import io
+import logging
 import socket
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import Future
 from importlib.resources import files
 from typing import Any, TypeVar
 
 import viser
+import websockets.asyncio.server
+from viser._messages import RunJavascriptMessage
 from websockets.asyncio.server import ServerConnection
-
-from phalanx_viewer.scene.viser_server import Handler, named_script, serving
+from websockets.typing import Origin
 
 T = TypeVar("T")
+Handler = Callable[[ServerConnection], Awaitable[None]]
 
 DEFAULT_PORT = 8080
 _LAST_PORT = 65535
@@ -83,6 +86,49 @@ class SceneServer(viser.ViserServer):
             return
         async for message in connection:
             self.on_action(message)
+
+
+@contextlib.contextmanager
+def serving(
+    let_in: Callable[[Handler, ServerConnection], Awaitable[None]], origins: tuple[str, ...]
+) -> Iterator[None]:
+    """Make servers that are started in the block check origins, and let_in handle connections.
+
+    A browser lets any page that its user visits connect to a port of the user's machine, and only
+    sends the page's origin. Without the check a foreign page could watch and command a run.
+    """
+    # viser 1.1 calls serve() in a thread of its own, without `origins` and with one handler for all
+    # paths. Its constructor returns when that thread listens: the block lasts long enough.
+    # Upstream has no issue yet. It would say: "ViserServer should take `origins` for
+    # websockets.serve(): without it any page that a user visits can connect to the server on his
+    # machine and command it."
+    websockets_log = logging.getLogger("websockets.server")
+    # It logs a traceback for each connection that ends before its handshake.
+    websockets_log.addFilter(lambda record: record.msg != "opening handshake failed")
+    module = websockets.asyncio.server
+    serve, allowed = module.serve, [None, *map(Origin, origins)]
+
+    def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
+        async def handle(connection: ServerConnection) -> None:
+            await let_in(handler, connection)
+
+        return serve(handle, *arguments, origins=allowed, **options)
+
+    module.serve = checked  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        module.serve = serve  # type: ignore[misc]
+
+
+def named_script(name: str, source: str) -> RunJavascriptMessage:
+    """Make a script that replaces the last one of its name for later visitors."""
+    # viser 1.1 keeps every script, and every later visitor runs it again. Upstream has no issue
+    # yet. It would say: "RunJavascriptMessage should take a key by which a later script replaces
+    # an earlier one."
+    message = RunJavascriptMessage(source)
+    message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
+    return message
 
 
 Callback = Callable[[Any], Coroutine[Any, Any, None]]

@@ -59,9 +59,9 @@ def markup(*parts: str) -> Markup:
 
 def element(tag: str, *parts: str, kind: str = "", **attributes: str) -> Markup:
     """An HTML element around parts; kind: its class."""
-    named = {"class": kind} if kind else {}
-    shown = "".join(f' {name}="{escape(value)}"' for name, value in (named | attributes).items())
-    return Markup(f"<{tag}{shown}>{markup(*parts)}</{tag}>")
+    attributes = ({"class": kind} if kind else {}) | attributes
+    texts = [f' {name}="{escape(value)}"' for name, value in attributes.items()]
+    return Markup(f"<{tag}{''.join(texts)}>{markup(*parts)}</{tag}>")
 
 
 class Panel:
