@@ -155,11 +155,11 @@ class TemporaryAgentFault(AgentFault):
         return t + self.lasts
 
 
-def require_names(names: Iterable[str], known: Collection[str], where: FieldPath) -> None:
+def require_names(names: Iterable[str], allowed: Collection[str], where: FieldPath) -> None:
     """Raise ValidationError for a name that is not known."""
     for name in names:
-        if name not in known:
-            raise field_error(where, f"expected an agent's name, one of {[*known]}", name)
+        if name not in allowed:
+            raise field_error(where, f"expected an agent's name, one of {[*allowed]}", name)
 
 
 def random_times(
@@ -171,6 +171,6 @@ def random_times(
     the same on every CPU.
     """
     for n in range(math.ceil(duration / _GRID)):
-        happens, which = tables.decide(n, n * _GRID)()[n].tolist()
+        happens, choice = tables.decide(n, n * _GRID)()[n].tolist()
         if happens < rate * _GRID:
-            yield n * _GRID, agents[int(which * len(agents))]
+            yield n * _GRID, agents[int(choice * len(agents))]

@@ -98,8 +98,8 @@ class HoldFault(_FaultOfSomeLinks):
 
     def on_links(self, run: RunFacts, index: int) -> LinkRules:
         """Delay every message that would arrive before the end until the end."""
-        held = (Hold(self.at, self.end),)
-        return lambda link: held if self.concerns(*link) else ()
+        hold = (Hold(self.at, self.end),)
+        return lambda link: hold if self.concerns(*link) else ()
 
 
 class LinkFault(_FaultOfSomeLinks, LinkOverride):
@@ -126,8 +126,8 @@ class Hold:
     """[s]"""
 
     def treat(self, message: Message) -> Treatment:
-        held = self.begin <= message.t < self.end
-        return delay(self.end - message.t) if held else DELIVER
+        in_time = self.begin <= message.t < self.end
+        return delay(self.end - message.t) if in_time else DELIVER
 
 
 def links_between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset[Ends]:

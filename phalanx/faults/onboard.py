@@ -182,8 +182,8 @@ class _Error(NamedTuple):
 
     def at(self, k: int, t: float) -> Array:
         """Return the error of sample k, taken at t [s], shape (n_i,)."""
-        drawn = [quantile("normal", float(u)) for u in self.tables.decide(k, t)()[k]]
-        error: Array = self.bias + self.noise * np.array(drawn)
+        errors = [quantile("normal", float(u)) for u in self.tables.decide(k, t)()[k]]
+        error: Array = self.bias + self.noise * np.array(errors)
         return error
 
 

@@ -97,7 +97,7 @@ class JitteredDelay:
         return f"{1e3 * self.time:g} ± {1e3 * self.jitter:g} ms, {self.distribution}{suffix}"
 
     def treat(self, message: Message) -> Treatment:
-        share = message.draw(BASIC, 1, kept=self.correlation)
+        share = message.draw(BASIC, 1, correlation=self.correlation)
         return delay(max(0.0, self.time + self.jitter * quantile(self.distribution, share)))
 
 
@@ -128,7 +128,7 @@ class Reorder:
     def treat(self, message: Message) -> Treatment:
         if (message.k + 1) % self.gap or message.waited == 0.0:
             return DELIVER
-        hit = message.draw("reorder", kept=self.correlation) < self.probability
+        hit = message.draw("reorder", correlation=self.correlation) < self.probability
         return (Copy(-message.waited),) if hit else DELIVER
 
 

@@ -78,7 +78,7 @@ def fit(delays: Array) -> FittedLink:
         table["delay"], distance = _rounded(arrived.mean()), 0.0
     else:
         fits = [_fitted(arrived, kind) for kind in get_args(Distribution)]
-        distance, table["delay"] = min(fits, key=lambda each: each[0])
+        distance, table["delay"] = min(fits, key=lambda candidate: candidate[0])
         if correlation := _correlation(delays):
             table["delay"]["correlation"] = correlation
     if lost.any():
@@ -99,11 +99,11 @@ def _fitted(arrived: Array, kind: Distribution) -> tuple[float, dict[str, Any]]:
 
 def _correlation(delays: Array) -> float:
     """Return the correlation of consecutive delays; 0 if it is not significant."""
-    one, next_one = delays[:-1], delays[1:]
-    both = np.isfinite(one) & np.isfinite(next_one)
+    delay, next_one = delays[:-1], delays[1:]
+    both = np.isfinite(delay) & np.isfinite(next_one)
     if np.count_nonzero(both) < _FEW:
         return 0.0
-    correlation = float(np.corrcoef(one[both], next_one[both])[0, 1])
+    correlation = float(np.corrcoef(delay[both], next_one[both])[0, 1])
     chance = _SIGNIFICANT / math.sqrt(np.count_nonzero(both))
     return _rounded(min(correlation, 0.99)) if correlation > chance else 0.0
 

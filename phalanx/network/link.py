@@ -191,8 +191,8 @@ class Link:
                         link_stage.last_time = t + new.after
                         copies += (Copy(after, copy.corrupt or new.corrupt),)
             except Exception as error:  # a user's rule may raise anything
-                which = "{} from {} to {}".format(k, *self._ends)
-                problem = f"rule {stage.field} failed at message {which}: {error_line(error)}"
+                text = "{} from {} to {}".format(k, *self._ends)
+                problem = f"rule {stage.field} failed at message {text}: {error_line(error)}"
                 raise RuleError(problem) from error
         return Delivery(copies, faults)
 

@@ -28,7 +28,7 @@ class Chance:
 
     def hits(self, message: Message, purpose: str) -> bool:
         """Return whether it happens to this message."""
-        return message.draw(purpose, kept=self.correlation) < self.probability
+        return message.draw(purpose, correlation=self.correlation) < self.probability
 
 
 @dataclass(frozen=True)

@@ -89,19 +89,19 @@ class Message(msgspec.Struct, frozen=True):
         """Time of arrival at this rule [s]."""
         return self.sent + self.waited
 
-    def draw(self, purpose: str, column: int = 0, kept: float = 0.0) -> float:
+    def draw(self, purpose: str, column: int = 0, correlation: float = 0.0) -> float:
         """Return a uniform draw in [0, 1) for this message, the same at every call.
 
         Args:
             purpose: draws of different purposes are independent.
             column: 0 or 1: each purpose has two draws for every message.
-            kept: probability that the draw is that of the message before. This is the correlation
-                of consecutive messages; the distribution does not change.
+            correlation: of consecutive messages: probability that the draw is that of the one
+                before. The distribution does not change.
         """
         name = purpose if self.copy == 0 else f"{purpose} of copy {self.copy}"
         k = self.k
-        if kept > 0.0:
-            k = self.tables[f"{name} kept"].last(k, AtLeast(column, kept))
+        if correlation > 0.0:
+            k = self.tables[f"{name} kept"].last(k, AtLeast(column, correlation))
         return self.tables[name].value(k, column)
 
 

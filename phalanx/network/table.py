@@ -93,8 +93,8 @@ def _alternative(**by_field: str) -> Callable[[Any], str]:
         if number_or_table(value) == NUMBER:
             return NUMBER
         # A date or a list fits no alternative: the error message of the first one says so.
-        named = value if isinstance(value, dict) else getattr(value, "__dict__", ())
-        return next((tag for field, tag in by_field.items() if field in named), default)
+        fields = value if isinstance(value, dict) else getattr(value, "__dict__", ())
+        return next((tag for field, tag in by_field.items() if field in fields), default)
 
     default = next(iter(by_field.values()))
     return tag_of

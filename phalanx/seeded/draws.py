@@ -39,7 +39,7 @@ class Draws:
 
         later: rows, increasing, from which on the table is that of another seed.
         """
-        self._keys = [(first, _key(given, purpose)) for first, given in ((0, seed), *later)]
+        self._keys = [(first, _key(new, purpose)) for first, new in ((0, seed), *later)]
         """First rows, each with the key of the generator from there on."""
         self._width = width
         self._block: tuple[int, Array] = -1, np.empty((0, width))

@@ -123,5 +123,5 @@ class LyapunovBarrierQP:
 
 def _with_slack(inputs: Polytope) -> Polytope:
     """U_i as a set of (u, δ), with any δ."""
-    A, corners = (np.pad(each, ((0, 0), (0, 1))) for each in (inputs.A, inputs.corners))
+    A, corners = (np.pad(matrix, ((0, 0), (0, 1))) for matrix in (inputs.A, inputs.corners))
     return Polytope(A, inputs.b, corners, None, inputs.allowance)

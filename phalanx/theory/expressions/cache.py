@@ -60,7 +60,7 @@ def cached_for(of: Sequence[object], key: Hashable, make: Callable[[], T]) -> T:
     """
     if not all(map(is_built_in, of)):
         return make()
-    return cached((key, *[(type(each), repr(each)) for each in of]), make)
+    return cached((key, *[(type(part), repr(part)) for part in of]), make)
 
 
 def scenario_functions(fields: str) -> FunctionCache:

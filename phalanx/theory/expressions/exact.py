@@ -32,8 +32,8 @@ def inner(a: Sequence[float], b: Sequence[float]) -> float:
 
 def length(a: Array) -> Array:
     """Euclidean length along the last axis."""
-    found: Array = np.sqrt(dot(a, a))
-    return found
+    norm: Array = np.sqrt(dot(a, a))
+    return norm
 
 
 def added(values: Iterable[float]) -> float:

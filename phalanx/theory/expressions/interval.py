@@ -61,8 +61,8 @@ def _written_once(rule: Callable[..., Interval]) -> Callable[..., Interval]:
 
 def _ends(intervals: Sequence[Interval], points: Sequence[bool]) -> list[ca.SX]:
     """Both ends of each interval, or its one number if it is a point."""
-    each = zip(intervals, points, strict=True)
-    return [end for interval, is_point in each for end in interval[is_point:]]
+    pairs = zip(intervals, points, strict=True)
+    return [end for interval, is_point in pairs for end in interval[is_point:]]
 
 
 def _rounded(a: Interval, steps: int = 1, least: float = LEAST) -> Interval:
@@ -161,16 +161,18 @@ def square(a: Interval) -> Interval:
     """a a, which is not below zero."""
     low, high = a.lo * a.lo, a.hi * a.hi
     crosses = ca.logic_and(a.lo <= 0, a.hi >= 0)
-    found = Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
-    return _not_below_zero(_rounded(found))
+    squares = Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
+    return _not_below_zero(_rounded(squares))
 
 
 @_written_once
 def reciprocal(a: Interval) -> Interval:
     """1/a; unbounded if a contains zero."""
     defined = without_zero(a)
-    found = _rounded(Interval(1 / a.hi, 1 / a.lo))
-    return Interval(ca.if_else(defined, found.lo, -ca.inf), ca.if_else(defined, found.hi, ca.inf))
+    inverse = _rounded(Interval(1 / a.hi, 1 / a.lo))
+    return Interval(
+        ca.if_else(defined, inverse.lo, -ca.inf), ca.if_else(defined, inverse.hi, ca.inf)
+    )
 
 
 @_written_once
@@ -344,8 +346,8 @@ def avoids_branch_cut(y: Interval, x: Interval) -> ca.SX:
 
 def tangent(a: Interval) -> Interval:
     """tan a; unbounded if a contains a pole."""
-    one, found = one_branch(a), increasing(ca.tan)(a)
-    return Interval(ca.if_else(one, found.lo, -ca.inf), ca.if_else(one, found.hi, ca.inf))
+    branch, values = one_branch(a), increasing(ca.tan)(a)
+    return Interval(ca.if_else(branch, values.lo, -ca.inf), ca.if_else(branch, values.hi, ca.inf))
 
 
 def one_branch(a: Interval) -> ca.SX:

@@ -143,9 +143,9 @@ def build(functions: Mapping[Path, ca.Function], progress: Callable[[int], None]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         # Sources are made here: CasADi is not for several threads.
         sources = {library: _source(function) for library, function in functions.items()}
-        tasks = [pool.submit(_compile, compiler, *each) for each in sources.items()]
-        for count, done in enumerate(as_completed(tasks), start=1):
-            done.result()
+        tasks = [pool.submit(_compile, compiler, *source) for source in sources.items()]
+        for count, task in enumerate(as_completed(tasks), start=1):
+            task.result()
             progress(count)
     for library in functions:
         _loaded.pop(library, None)
@@ -225,8 +225,8 @@ def _identity(compiler: tuple[str, ...]) -> str:
 def _source(function: ca.Function) -> str:
     code = ca.CodeGenerator("f", {"with_header": False})
     code.add(function)
-    made: str = code.dump()
-    return made + _ROWS.format(inputs=function.numel_in(0), outputs=function.numel_out(0))
+    text: str = code.dump()
+    return text + _ROWS.format(inputs=function.numel_in(0), outputs=function.numel_out(0))
 
 
 def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
@@ -234,11 +234,11 @@ def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
     with whole_file(library) as target:
         file = target.with_name("f.c")
         file.write_text(source)
-        done = subprocess.run(
+        process = subprocess.run(
             [*compiler, *_OPTIONS, str(file), "-o", str(target), "-lm"],
             capture_output=True,
             text=True,
             check=False,
         )
-        if done.returncode:
-            raise OSError(f"{' '.join(compiler)} failed: {done.stderr.strip()[-300:]}")
+        if process.returncode:
+            raise OSError(f"{' '.join(compiler)} failed: {process.stderr.strip()[-300:]}")

@@ -105,11 +105,11 @@ class Chase:
         """Compile the input for the state of each target, once for each dynamics."""
         compiled = {
             number: cached_for(
-                [self._dynamics, each], ("chase", self.gains), partial(self._to_state, each)
+                [self._dynamics, dynamics], ("chase", self.gains), partial(self._to_state, dynamics)
             )
-            for number, each in {id(each): each for each in targets}.items()
+            for number, dynamics in {id(dynamics): dynamics for dynamics in targets}.items()
         }
-        return [compiled[id(each)] for each in targets]
+        return [compiled[id(dynamics)] for dynamics in targets]
 
     def _to_state(self, target: Dynamics) -> CompiledFunction:
         chain = output_chain(target)
@@ -200,7 +200,7 @@ class WorstLookahead:
         joined, motions = copy(self), dict[int, _Motion]()
         for l, member in enumerate(members):
             if l == i or not member.adversary:
-                same = (each for each in motions.values() if each.dynamics is member.dynamics)
+                same = (motion for motion in motions.values() if motion.dynamics is member.dynamics)
                 make = partial(_Motion, member.dynamics, self.horizon)
                 motions[l] = next(same, None) or cached_for([member.dynamics], self.horizon, make)
         joined._motions = motions
@@ -220,8 +220,8 @@ class WorstLookahead:
 
     def _closest(self, view: View, l: int, own_paths: Array) -> Array:
         """Distance that target l can keep from each of one's own paths [m]."""
-        _, held = _choices(view, l)
-        paths = self._motions[l](view.x[l], held, held)
+        _, inputs = _choices(view, l)
+        paths = self._motions[l](view.x[l], inputs, inputs)
         offsets = own_paths[:, None] - paths
         squares: Array = dot(offsets, offsets).min(axis=2).max(axis=1)
         return squares
@@ -252,8 +252,8 @@ class _Motion:
     def __call__(self, x: Array, first: Array, then: Array) -> Array:
         """Positions from state x, shape (n,), for each pair of inputs, shape (r, steps, d)."""
         rows = np.column_stack([np.broadcast_to(x, (len(first), len(x))), first, then])
-        found = self._positions(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
-        return found.reshape(len(first), _STEPS, -1)
+        positions = self._positions(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
+        return positions.reshape(len(first), _STEPS, -1)
 
 
 Instant = Annotated[float, Ge(0), Le(1e9)]

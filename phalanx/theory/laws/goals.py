@@ -57,9 +57,9 @@ class Sight(Struct, frozen=True):
     @property
     def position(self) -> Array:
         """The agent's own position [m]."""
-        own = self.motion(self.agent)
-        assert own is not None, "an agent sees itself"
-        return own.position
+        motion = self.motion(self.agent)
+        assert motion is not None, "an agent sees itself"
+        return motion.position
 
 
 @runtime_checkable
@@ -220,8 +220,8 @@ class Follow:
         leader = sight.motion(self.agent)
         if leader is None:
             return hold(sight.position)
-        place = leader.position + np.array(self.offset)
-        return Goal(place, leader.velocity, np.zeros_like(place))
+        position = leader.position + np.array(self.offset)
+        return Goal(position, leader.velocity, np.zeros_like(position))
 
 
 @dataclass(frozen=True)

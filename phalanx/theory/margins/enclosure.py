@@ -108,7 +108,7 @@ def enclose(
     for extra in inflations:
         ends, _ = after(box)
         hulls = [hull(a, b) for a, b in zip(starts, ends, strict=True)]
-        box = [inflate(each, extra, _LEAST) for each in hulls]
+        box = [inflate(interval, extra, _LEAST) for interval in hulls]
     final, last = after(box)
     certain = finite(last)
     for start, a, b in zip(starts, final, box, strict=True):
@@ -191,8 +191,12 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
     anywhere = [Interval(ca.SX(-ca.inf), ca.SX(ca.inf))] * x.numel()
     undisturbed = extend(ca.vertsplit(rate), scalars([x, u]), [*anywhere, *inputs])
     pushed = Interval(ca.SX(-bound), ca.SX(bound))
-    rates = [add(each, pushed) for each in undisturbed]
-    return rates if np.isfinite([float(end) for each in rates for end in each]).all() else None
+    rates = [add(rate_range, pushed) for rate_range in undisturbed]
+    return (
+        rates
+        if np.isfinite([float(end) for rate_range in rates for end in rate_range]).all()
+        else None
+    )
 
 
 def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[Interval]:
@@ -259,7 +263,10 @@ def within(
     return Within(
         fixed,
         [*scalars(vectors), *scalars([e.phi for e in moving]), *constants],
-        [*[interval for each in ranges for interval in each], *map(point, values)],
+        [
+            *[interval for box in ranges for interval in box],
+            *map(point, values),
+        ],
     )
 
 

@@ -111,10 +111,10 @@ class CorrectedMargin(PaperMargin):
 
 
 @check_of(Margin, "at_sample")
-def _expression(margin: Margin, found: Any, row: PairRow) -> ca.SX:
+def _expression(margin: Margin, result: Any, row: PairRow) -> ca.SX:
     """Return a margin, NaN where it is infinite, so that no input satisfies the row."""
     symbols = [row.chain.set.x, row.chain.set.parameters, ca.SX(row.horizon)]
-    value = require_expression(margin, "at_sample", [()], found, symbols=symbols)
+    value = require_expression(margin, "at_sample", [()], result, symbols=symbols)
     return ca.if_else(ca.fabs(value) < ca.inf, value, math.nan)
 
 

@@ -70,10 +70,10 @@ class Bounded(Protocol):
 
 
 @check_of(Dynamics, "travel")
-def _distance(dynamics: Bounded, found: Any, *_: object) -> float:
-    if not isinstance(found, int | float) or not found >= 0.0:
-        raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(found))
-    return found
+def _distance(dynamics: Bounded, distance: Any, *_: object) -> float:
+    if not isinstance(distance, int | float) or not distance >= 0.0:
+        raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(distance))
+    return distance
 
 
 def box_polytope(bounds: tuple[float, ...]) -> tuple[ca.SX, ca.SX]:
@@ -114,8 +114,8 @@ def units(dynamics: Dynamics) -> Units:
 
 def angles(dynamics: Dynamics) -> set[str]:
     """Names of the states that are angles: those in rad, and the heading."""
-    named, turns = enumerate(units(dynamics).states.items()), heading(dynamics)
-    return {name for k, (name, unit) in named if unit == "rad" or k == turns}
+    states, turns = enumerate(units(dynamics).states.items()), heading(dynamics)
+    return {name for k, (name, unit) in states if unit == "rad" or k == turns}
 
 
 def heading(dynamics: Dynamics) -> int | None:
@@ -153,8 +153,8 @@ def require_sound(dynamics: Dynamics) -> None:
 def _count(dynamics: Dynamics, field: str) -> int:
     expected = "a tuple of different names"
     names: Any = getattr(dynamics, field)
-    named = isinstance(names, tuple | list) and all(isinstance(name, str) for name in names)
-    if not named or not names or len(set(names)) < len(names):
+    are_names = isinstance(names, tuple | list) and all(isinstance(name, str) for name in names)
+    if not are_names or not names or len(set(names)) < len(names):
         raise MistakenMethodError(dynamics, field, expected, repr(names))
     return len(names)
 
@@ -192,17 +192,17 @@ def motion_texts(dynamics: Sequence[Dynamics]) -> list[str]:
 
     Equality does not tell: a user's dataclass may leave fields out of it.
     """
-    different = {id(each): each for each in dynamics}
-    texts = {number: _motion_text(each) for number, each in different.items()}
-    return [texts[id(each)] for each in dynamics]
+    different = {id(model): model for model in dynamics}
+    texts = {number: _motion_text(model) for number, model in different.items()}
+    return [texts[id(model)] for model in dynamics]
 
 
 def _motion_text(dynamics: Dynamics) -> str:
     x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     rate = dynamics.drift(x) + dynamics.actuation(x) @ u
     outputs = [ca.densify(rate), ca.densify(dynamics.position(x))]
-    found: str = ca.Function("motion", [x, u], outputs).serialize()
-    return found
+    text: str = ca.Function("motion", [x, u], outputs).serialize()
+    return text
 
 
 def weighted_rates(

@@ -65,7 +65,7 @@ class _Integrator:
         # Taylor's formula: the norms of p', p'', ..., and last that of the largest input.
         derivatives = x.reshape(-1, self.dimension)[1:]
         largest = math.sqrt(self.dimension) * getattr(self, self._bound)
-        norms = [*(math.hypot(*each) for each in derivatives), largest]
+        norms = [*(math.hypot(*derivative) for derivative in derivatives), largest]
         total = 0.0
         for k, norm in enumerate(norms, start=1):
             total += (norm + disturbance) * time**k / math.factorial(k)

@@ -210,16 +210,16 @@ def nearest_in_box(
             with the least aᵀu is returned, beyond it None.
     """
     components = [
-        (wanted, c / (w + w), least, greatest, c)
-        for wanted, w, least, greatest, c in zip(u_nom, weights, low, high, a, strict=True)
+        (nominal, c / (w + w), least, greatest, c)
+        for nominal, w, least, greatest, c in zip(u_nom, weights, low, high, a, strict=True)
     ]
     u, value = _at(components, 0.0)
     if value <= bound:
         return u
     # aᵀu(λ) bends where a component reaches one of its bounds.
     ends = [
-        (wanted - end) / slope
-        for wanted, slope, least, greatest, _ in components
+        (nominal - end) / slope
+        for nominal, slope, least, greatest, _ in components
         if slope != 0.0
         for end in (least, greatest)
     ]
@@ -238,9 +238,9 @@ def _at(components: Sequence[_Component], multiplier: float) -> tuple[list[float
     """u(λ) and aᵀu(λ)."""
     u = [
         least
-        if (free := wanted - multiplier * slope) < least
+        if (free := nominal - multiplier * slope) < least
         else (greatest if free > greatest else free)
-        for wanted, slope, least, greatest, _ in components
+        for nominal, slope, least, greatest, _ in components
     ]
     value = 0.0
     for component, (*_, c) in zip(u, components, strict=True):

@@ -195,8 +195,8 @@ class Fence:
     def alone(self, a: Body) -> ca.SX:
         if len(self.center) != a.p.numel():
             raise ValueError(f"center: expected {a.p.numel()} axes, got {len(self.center)}")
-        apart = ca.sumsqr(a.p - ca.DM(list(self.center)))
-        return (apart - self.radius * self.radius) / (2.0 * self.radius)
+        square = ca.sumsqr(a.p - ca.DM(list(self.center)))
+        return (square - self.radius * self.radius) / (2.0 * self.radius)
 
     def outline(self) -> Sequence[Line]:
         axes = range(len(self.center))
@@ -256,9 +256,9 @@ Static = Obstacle | Boundary
 
 def outlines(static: Sequence[Static]) -> list[Line]:
     """Lines of limits that can be drawn, then the edges of boxes and polygons, points in [m]."""
-    limits = [each.limit for each in static if isinstance(each, Boundary)]
+    limits = [side.limit for side in static if isinstance(side, Boundary)]
     lines = [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
-    boxes = [each for each in static if isinstance(each, Box | Polygon)]
+    boxes = [side for side in static if isinstance(side, Box | Polygon)]
     return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 

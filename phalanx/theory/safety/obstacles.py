@@ -52,8 +52,8 @@ class Sphere:
 
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
-        apart: Array = length(points - np.array(self.center))
-        return apart
+        distance: Array = length(points - np.array(self.center))
+        return distance
 
     @property
     def _center(self) -> ca.SX:
@@ -143,14 +143,14 @@ class Box(_Solid):
 
     def distance(self, p: ca.SX) -> ca.SX:
         q = ca.vertsplit(ca.DM(self._axes) @ (p - ca.DM(list(self.center))))
-        found: ca.SX = self._smooth(q, ca.sqrt)
-        return found
+        distance: ca.SX = self._smooth(q, ca.sqrt)
+        return distance
 
     def distances(self, points: Array) -> Array:
         """The distance of points [m], shape (s, d); shape (s,)."""
         apart = points - np.array(self.center)
-        found: Array = self._smooth([dot(apart, axis) for axis in self._axes], np.sqrt)
-        return found
+        distance: Array = self._smooth([dot(apart, axis) for axis in self._axes], np.sqrt)
+        return distance
 
     def edges(self) -> list[tuple[tuple[float, ...], ...]]:
         """Ends of each edge [m], for drawing."""
@@ -239,8 +239,8 @@ class Polygon(_Solid):
     @property
     def _around(self) -> Array:
         """Its corners counterclockwise, shape (k, 2)."""
-        apart = np.array(self.corners) - np.array(self.center)
-        return np.array(self.corners)[np.argsort(np.arctan2(apart[:, 1], apart[:, 0]))]
+        offsets = np.array(self.corners) - np.array(self.center)
+        return np.array(self.corners)[np.argsort(np.arctan2(offsets[:, 1], offsets[:, 0]))]
 
     @property
     def _faces(self) -> list[tuple[Array, float]]:

@@ -118,8 +118,8 @@ class SwarmPairs:
     def of(self, i: int, in_sight: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """Normal member i's pairs among these members and obstacles, as `among` lists them."""
         pairs = self.among(in_sight, obstacles)
-        found: Index = pairs[(pairs == i).any(axis=1)]
-        return found
+        of_member: Index = pairs[(pairs == i).any(axis=1)]
+        return of_member
 
     def ordered(self, i: int, other: int) -> tuple[int, int]:
         """The pair of normal member i and another member or N + k; of two normal ones sorted."""
@@ -128,8 +128,8 @@ class SwarmPairs:
 
     def kinds_of(self, pairs: Index) -> Index:
         """The index in `kinds` of each pair's kind, shape (r,)."""
-        found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
-        return found
+        kinds: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
+        return kinds
 
     def kind_of(self, a: int, b: int) -> PairKind:
         """The kind of one pair."""

@@ -109,12 +109,12 @@ def _rates(dynamics: Dynamics, bound: float, error: float) -> MappedFunction:
     )
     allowed = [Interval(a, b) for a, b in zip(*map(ca.vertsplit, (least, most)), strict=True)]
     pushed, off = (Interval(ca.SX(-size), ca.SX(size)) for size in (bound, error))
-    starts = [add(point(each), off) for each in ca.vertsplit(x)]
+    starts = [add(point(component), off) for component in ca.vertsplit(x)]
 
     def after(box: Sequence[Interval]) -> list[Interval]:
         rates = [add(r, pushed) for r in extend(ca.vertsplit(rate), symbols, [*box, *allowed])]
         gone = [hull(point(0.0), multiply(point(horizon), r)) for r in rates]
-        return [add(start, each) for start, each in zip(starts, gone, strict=True)]
+        return [add(start, component) for start, component in zip(starts, gone, strict=True)]
 
     box = starts
     for extra in _INFLATIONS:

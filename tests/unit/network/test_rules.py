@@ -185,7 +185,7 @@ def test_each_of_a_messages_draws_is_kept_by_chance_of_its_own(column):
         message = Message("a", "b", k, 0.0, 0.0, 1.0, 0, 0.0, tables)
         if tables["wind kept"].value(k, column) >= 0.7:
             before = tables["wind"].value(k, column)
-        assert message.draw("wind", column, kept=0.7) == before
+        assert message.draw("wind", column, correlation=0.7) == before
 
 
 @pytest.mark.slow
