@@ -68,7 +68,6 @@ from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import (
-    Band,
     Body,
     Distance,
     Drawable,
@@ -112,7 +111,6 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Limit",
     "Drawable",
     "Fence",
-    "Band",
     # Class-K functions and margins
     "ClassK",
     "Linear",

@@ -36,7 +36,6 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
     },
     Limit: {
         "fence": "phalanx.theory.safety.function:Fence",
-        "band": "phalanx.theory.safety.function:Band",
     },
     Margin: {
         "paper": "phalanx.theory.margins.margin:PaperMargin",

@@ -214,29 +214,6 @@ class Fence:
 
 
 @dataclass(frozen=True)
-class Band:
-    """h = ((s - m)² - w²) / 2w: a state s, such as an altitude, stays within m - w and m + w."""
-
-    state: str
-    """Name of the state."""
-    low: float
-    """m - w, in the state's unit."""
-    high: float
-    """m + w"""
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ValueError(f"high: expected more than low = {self.low}, got {self.high}")
-
-    def alone(self, a: Body) -> ca.SX:
-        if self.state not in a.states:
-            raise ValueError(f"state: expected one of {', '.join(a.states)}, got {self.state}")
-        middle, half = (self.low + self.high) / 2.0, (self.high - self.low) / 2.0
-        s = a.x[a.states.index(self.state)]
-        return ((s - middle) ** 2 - half * half) / (2.0 * half)
-
-
-@dataclass(frozen=True)
 class Boundary:
     """A limit as the other side of a pair, like an obstacle at distance 0."""
 

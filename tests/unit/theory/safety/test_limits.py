@@ -11,7 +11,7 @@ from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.safety.function import Band, Body, Fence
+from phalanx.theory.safety.function import Body, Fence
 
 SWARM = {"agents.0.count": 40, "agents.1.count": 4, "duration": 1.0}
 LEAD_OUT = {
@@ -34,12 +34,6 @@ def test_a_fence_is_safe_inside_and_about_the_distance_near_it():
     assert h_of(fence, [9.0, 0.0]) == pytest.approx(0.0)
     assert h_of(fence, [1.0, 7.9]) == pytest.approx(-0.1, abs=1e-3)
     assert h_of(fence, [1.0, 8.1]) == pytest.approx(0.1, abs=1e-3)
-
-
-def test_a_band_is_safe_between_its_ends():
-    band = Band("z", 2.0, 12.0)
-    assert h_of(band, [0.0, 0.0, 2.0]) == h_of(band, [0.0, 0.0, 12.0]) == 0.0
-    assert h_of(band, [50.0, 50.0, 7.0]) < 0.0 < h_of(band, [0.0, 0.0, 1.0])
 
 
 @pytest.mark.slow
@@ -80,12 +74,7 @@ def test_no_limit_is_left_out_where_distant_pairs_are():
     ("table", "line"),
     [
         ({"type": "fence", "center": [0.0, 0.0]}, "limits.0.radius: expected a value, got nothing"),
-        ({"type": "fense"}, "limits.0: expected one of fence, band or package.module:Name"),
-        ({"type": "band", "state": "x", "low": 2.0, "high": 1.0}, "expected more than low = 2.0"),
-        (
-            {"type": "band", "state": "z", "low": 0.0, "high": 1.0},
-            "state: expected one of x, y, got z",
-        ),
+        ({"type": "fense"}, "limits.0: expected one of fence or package.module:Name"),
         ({"type": "fence", "center": [0.0], "radius": 1.0}, "center: expected 2 axes, got 1"),
     ],
 )
