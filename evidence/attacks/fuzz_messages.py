@@ -10,7 +10,7 @@ import sys
 import time
 from collections import Counter
 
-from phalanx_plant.hub.joining import Joining
+from phalanx_plant.hub.hub import Joining
 
 from phalanx.swarm.swarm import build_swarm
 from tests.hostile.messages import SCENARIO, put, receivers, spoilt, spoilt_token

@@ -72,7 +72,7 @@ MUTANTS = (
            "refusal(message.command, self._names)", "None", "tests/unit/plant/test_commands.py"),
     Mutant("more payloads than may wait", f"{_PLANT}/hub/session.py", ">= 2 * _MOST else None",
            ">= 10**9 else None", "tests/unit/plant/test_incoming.py"),
-    Mutant("another scenario's agent", f"{_PLANT}/hub/joining.py",
+    Mutant("another scenario's agent", f"{_PLANT}/hub/hub.py",
            "alive and digest != self.digest", "False", "tests/unit/plant/test_joining.py"),
     Mutant("a sample skipped", _STEP, "skipped and not first and clock.waits", "False",
            _TEST_STEP),

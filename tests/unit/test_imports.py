@@ -111,7 +111,7 @@ BUDGET: Mapping[str, int] = {
     "launcher": 2280,
     "messages": 980,
     "network": 1480,
-    "plant": 5000,
+    "plant": 4980,
     "recording": 2000,
     "report": 2320,
     "scenario": 1540,

@@ -124,7 +124,7 @@ class Lockstep:
                 while (t := self.next_instant) < duration:
                     self._event_at(t)
                     yield t
-                self._complete_all()
+                self._complete(wait=True)
                 self._events.add([self._reach(duration)])
             finally:
                 if self._instants:  # after an error: its events count as far as they are known
@@ -132,13 +132,13 @@ class Lockstep:
 
     def catch_up(self) -> None:
         """Apply the inputs that have arrived, and judge all events. Raises as Clock.run does."""
-        self._apply_arrived()
+        self._complete(wait=False)
         self._events.judge_all()
 
     def _event_at(self, t: float) -> None:
         commands = self._commands.wait_until(t, self._now, self.catch_up)
         if commands or self._synchronization.sequential:
-            self._complete_all()
+            self._complete(wait=True)
         self._now = t
         applied = [self._sampling.apply(c, self.world.x, self._agents) for c in commands]
         samples = self._sample(t)
@@ -178,21 +178,17 @@ class Lockstep:
             pending.append(self._newest[i])
         return pending
 
-    def _complete_all(self) -> None:
-        """Wait until all samples have been answered, and all inputs have taken effect."""
-        while self._instants:
-            self._complete(self._instants[0], wait=True)
-
     def _apply_and_judge(self) -> None:
         """Apply the inputs that have arrived, and judge events in full batches."""
-        self._apply_arrived()
+        self._complete(wait=False)
         self._events.judge_batches()
 
-    def _apply_arrived(self) -> None:
-        while self._instants and self._complete(self._instants[0], wait=False):
+    def _complete(self, wait: bool) -> None:
+        """Apply the inputs of instants in order: all, or up to one that has not arrived."""
+        while self._instants and self._complete_first(self._instants[0], wait):
             pass
 
-    def _complete(self, instant: _Instant, wait: bool) -> bool:
+    def _complete_first(self, instant: _Instant, wait: bool) -> bool:
         """Apply the first instant's inputs; return False if one has not arrived."""
         events = instant.events
         if not events:

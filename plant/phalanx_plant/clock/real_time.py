@@ -8,7 +8,9 @@ answer the agent is sampled again, for the answer may have been lost on its way.
 
 import time
 from array import array
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from msgspec import Struct
 
 from phalanx.faults.commands import Command, ProcessChange
 from phalanx.guarantee.verdict import Punctuality, percentiles
@@ -59,7 +61,7 @@ class TimelyAgents(Processes, Protocol):
         """Return agents that were lost or came back since the last call: (i, is back)."""
 
 
-class _SentSample(NamedTuple):
+class _PendingSample(Struct):
     """A sample whose input has not taken effect."""
 
     sample: Sample
@@ -69,15 +71,10 @@ class _SentSample(NamedTuple):
     """Virtual time at which its input takes effect [s]."""
     lost: bool
     """Whether that never reaches the actuator."""
-
-
-class _Answer(NamedTuple):
-    """An input that has arrived."""
-
-    takes_effect: float
-    """[s]"""
-    u: Array
-    """Native input, shape (m_i,)."""
+    u: Array | None = None
+    """That input, once it has arrived, shape (m_i,)."""
+    late: bool = False
+    """Whether it arrived after it was due; then it is due when it arrived."""
 
 
 class Timekeeping:
@@ -137,10 +134,8 @@ class RealTime:
         self.timekeeping = Timekeeping([group.clock.period for group in world.swarm.groups])
         self._sampling, self._schedule = sampling, sampling.schedule
         self._agents, self._events, self._commands = agents, events, commands
-        self._pending: dict[int, _SentSample] = {}
+        self._pending: dict[int, _PendingSample] = {}
         """By agent."""
-        self._answers: dict[int, _Answer] = {}
-        """By agent, answers to these samples that have arrived."""
         self._restarting: set[int] = set()
         """Agents whose new process has not joined yet."""
         self._now = list[Event]()
@@ -170,10 +165,11 @@ class RealTime:
     def _process_due(self, now: float) -> None:
         """Process all that became due up to `now` [s]."""
         self._schedule.take_applying(now)
-        ready = [(a.takes_effect, i) for i, a in self._answers.items() if a.takes_effect <= now]
-        for t, i in sorted(ready):
+        pending = self._pending.items()
+        ready = [(p.due, i, p.u) for i, p in pending if p.u is not None and p.due <= now]
+        for t, i, u in sorted(ready):
             self._reach(t)
-            self._apply(i, t)
+            self._apply(i, u, t)
         commands, changes = self._commands.due(now), self._agents.take_changes()
         due = [i for i in self._schedule.sampling_at(now) if self._may_sample(i)]
         if commands or changes or due:
@@ -183,7 +179,7 @@ class RealTime:
         for i, back in changes:
             self._now.append(MemberLost(i, now, back))
         self._restarting -= {i for i, back in changes if back}
-        self._sample([i for i in due if not self._sampling.silent(i)], now)
+        self._sample([i for i in due if i not in self._sampling.silent], now)
         if self._now:
             self._events.add(self._now)
             self._now = []
@@ -198,7 +194,7 @@ class RealTime:
         pending = self._pending.get(i)
         if pending is None:
             return True
-        if i in self._answers or time.monotonic() < pending.wall + _PATIENCE:
+        if pending.u is not None or time.monotonic() < pending.wall + _PATIENCE:
             self._miss(i)
             return False
         self.timekeeping.unanswered += 1
@@ -207,11 +203,11 @@ class RealTime:
         del self._pending[i]
         return True
 
-    def _apply(self, i: int, t: float) -> None:
-        """Let agent i's input take effect at t [s]."""
-        pending, u = self._pending.pop(i), self._answers.pop(i).u
+    def _apply(self, i: int, u: Array, t: float) -> None:
+        """Let agent i's input u, shape (m_i,), take effect at t [s]."""
+        pending = self._pending.pop(i)
         sample = pending.sample
-        self.timekeeping.late += t > pending.due
+        self.timekeeping.late += pending.late
         if pending.lost:
             self._now.append(InputLost(i, sample.k, sample.t, t, u))
         else:
@@ -225,7 +221,7 @@ class RealTime:
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
             sample, truthful = self._sampling.take(i, now, x, visible, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._pending[i] = _SentSample(sample, time.monotonic(), takes_effect, lost)
+            self._pending[i] = _PendingSample(sample, time.monotonic(), takes_effect, lost)
             self._now.append(Sampled(i, now, truthful))
             self._agents.send_sample(i, sample)
             while self._schedule.tick(i) <= now:
@@ -250,10 +246,11 @@ class RealTime:
         self._events.idle()
         self._agents.listen(wait(until))
         for i in self._computing:
-            u, pending = self._agents.take_reported(i), self._pending[i]
-            if u is not None:
+            pending = self._pending[i]
+            pending.u = self._agents.take_reported(i)
+            if pending.u is not None:
                 now = self._commands.pace.now()
-                self._answers[i] = _Answer(max(now, pending.due), u)
+                pending.late, pending.due = now > pending.due, max(now, pending.due)
                 self.timekeeping.answered(time.monotonic() - pending.wall)
 
     def _may_judge(self, seconds: float) -> bool:
@@ -265,4 +262,4 @@ class RealTime:
     @property
     def _computing(self) -> list[int]:
         """Agents that have not answered."""
-        return [i for i in self._pending if i not in self._answers]
+        return [i for i, pending in self._pending.items() if pending.u is None]

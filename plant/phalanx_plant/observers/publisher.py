@@ -82,8 +82,7 @@ class Publisher:
         for judged in events:
             if self._audience is not None or type(judged.event) is StateReached:
                 self._see(judged)
-        if self._audience is not None:
-            self.show(time.monotonic())
+        self.show(time.monotonic())
 
     def _see(self, judged: Judged) -> None:
         event = judged.event
@@ -119,8 +118,7 @@ class Publisher:
 
     def idle(self, now: float) -> None:
         """Publish a frame and the status if they are due at this wall time [s]."""
-        if self._audience is not None:
-            self.show(now)
+        self.show(now)
         if now < self._status_due:
             return
         self._status_due = now + _STATUS_EVERY

@@ -85,11 +85,10 @@ class Recorder:
                 case InputApplied() | InputLost():
                     self._received[event.i] += judged.received
             records += judged.notices
-            match event:
-                case InputApplied(telemetry=Telemetry() as telemetry) if judged.step is not None:
-                    records.append(self._step(event, judged.step, telemetry))
-                    if event.answers is not None:
-                        records.append(self._step_data(event.i, event.answers, telemetry))
+            if isinstance(event, InputApplied) and event.telemetry and judged.step:
+                records.append(self._step(event, judged.step, event.telemetry))
+                if event.answers is not None:
+                    records.append(self._step_data(event.i, event.answers, event.telemetry))
         self._recording.write(*records)
 
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:

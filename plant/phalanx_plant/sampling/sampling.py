@@ -206,7 +206,8 @@ class Sampling:
         states = {member.name: member.dynamics.states for member in swarm.members}
         self._sensors = Sensors(states, swarm.seeds, occurrences)
         self._commanded = FaultState(swarm.names)
-        self._silent: set[int] = set()
+        self.silent: set[int] = set()
+        """Agents that a command keeps from sampling and answering."""
         self._states = StateCodec(swarm)
         self._contacts = Contacts(len(swarm.members), latency)
 
@@ -216,10 +217,6 @@ class Sampling:
         of_clocks = sum((clock.faults for clock in self._clocks), Counter[int]())
         return self._links.faults + self._sensors.faults + of_clocks
 
-    def silent(self, i: int) -> bool:
-        """Return whether a command keeps agent i from sampling and answering."""
-        return i in self._silent
-
     def take(
         self, i: int, t: float, x: Array, visible: Visibility, pace: float | None = None
     ) -> tuple[Sample, bool]:
@@ -228,7 +225,7 @@ class Sampling:
         Agents that sample at the same instant do not receive each other's answers of that instant.
         pace: speed of virtual time, in real time.
         """
-        awake = visible.without(self._silent) if self._silent else visible
+        awake = visible.without(self.silent) if self.silent else visible
         since, latest = self._contacts.existing(i, t, awake.seen)
         k = self.schedule.sampled(i, t)
         self._contacts.sampled(i, k, t, awake)
@@ -253,10 +250,10 @@ class Sampling:
         if i is None or effect is None:
             return CommandApplied(command, i)
         if self._commanded.condition[i].silent:
-            self._silent.add(i)
+            self.silent.add(i)
             self.schedule.silence(i)
         else:
-            self._silent.discard(i)
+            self.silent.discard(i)
         match effect.process:
             case ProcessChange.DIES:
                 # The order travels in a sample, which is not answered.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from phalanx_plant.hub.joining import Joining
+from phalanx_plant.hub.hub import Joining
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.scene.model import scene_model
 

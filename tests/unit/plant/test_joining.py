@@ -1,7 +1,7 @@
 """Joining and leaving, by liveliness tokens."""
 
 import pytest
-from phalanx_plant.hub.joining import Joining
+from phalanx_plant.hub.hub import Joining
 
 from phalanx.messages.keys import Keys
 from tests.unit.swarms import swarm_of_scenario
