@@ -10,7 +10,7 @@ import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.recording.curves.series import Series
-from phalanx.report.compare import ComparedRun, compared_run, differences, overlay, results, titles
+from phalanx.report.compare import compared_run, differences, overlay, results, titles
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
@@ -28,24 +28,14 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return recorded
 
 
-def compared(folders: list[Path]) -> list[ComparedRun]:
-    return [compared_run(folder, draw=False) for folder in folders]
-
-
-def test_only_differences_of_the_scenarios_are_listed(folders: list[Path]) -> None:
-    assert differences(compared(folders)) == [("network.loss", "0.0", "0.3")]
-
-
-def test_every_key_figure_has_a_value_for_each_run(folders: list[Path]) -> None:
-    rows = {name: values for name, *values in results(compared(folders))}
+def test_differences_of_scenarios_are_listed_and_key_figures_of_each_run(folders: list[Path]):
+    runs = one, _ = [compared_run(folder, draw=False) for folder in folders]
+    assert differences(runs) == [("network.loss", "0.0", "0.3")]
+    rows = {name: values for name, *values in results(runs)}
     assert rows["Verdict"] == ["violated", "violated"]
     assert rows["Worst h"] == ["0.25 at t = 0.300 s"] * 2
     assert "Empty K_i" in rows
-
-
-def test_runs_are_named_by_their_folders_and_numbered(folders: list[Path]) -> None:
-    one, two = compared(folders)
-    assert titles([one, two]) == ["loss-0.0", "loss-0.3"]
+    assert titles(runs) == ["loss-0.0", "loss-0.3"]
     assert titles([one, one]) == ["loss-0.0 (1)", "loss-0.0 (2)"]
 
 

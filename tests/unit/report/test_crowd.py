@@ -159,11 +159,4 @@ def test_one_normal_agent_alone_with_an_obstacle_in_space(tmp_path: Path) -> Non
     scenario = swarm_in_space(1, 0, {"obstacles": obstacles})
     report = write_report(record(tmp_path, scenario, drift(scenario), summary_of(scenario)))
     names = {image.stem for image in (report.parent / "figures").iterdir()}
-    assert names == {
-        "h_tot",
-        "paths",
-        "distances",
-        "inputs-n0",
-        "certified",
-        "solve-times",
-    }
+    assert names == {"h_tot", "paths", "distances", "inputs-n0", "certified", "solve-times"}

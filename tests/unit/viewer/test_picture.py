@@ -82,12 +82,9 @@ def test_a_pair_without_a_normal_agent_sounds_no_alarm() -> None:
     assert picture(0.5, 0.0, turned=(1,)).unsafe_lines, "agent 1 is normal"
 
 
-def test_a_safe_run_has_no_banner_and_a_name_is_no_markup_in_it() -> None:
+def test_a_banner_names_three_pairs_without_markup_and_counts_the_others() -> None:
     assert banner([], []) == ""
     assert "<b>" not in banner(["<b>-2 unsafe"], [])
-
-
-def test_a_banner_names_three_pairs_and_counts_the_others() -> None:
     marked = banner([f"1-{k} unsafe" for k in range(5)], [])
     assert [f"1-{k} unsafe" in marked for k in range(5)] == [True, True, True, False, False]
     assert "and 2 more pairs" in marked

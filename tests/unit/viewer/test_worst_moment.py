@@ -41,21 +41,16 @@ def scenario(**changes: object) -> dict:
         for k, (x, y) in enumerate(around)
     ]
     passing = (0.0, -2.0), (0.5, 2.0), (0.65, -2.0), (0.9, 2.0)
+    hunting = script(*((t, [v, 0.0]) for t, v in passing))
+    function = {"type": "separation", "radius": 1.0}
     return {
         "name": "passed",
         "duration": END,
-        "safety": {
-            "function": {"type": "separation", "radius": 1.0},
-            "rho": 0.5,
-            "alpha": [1.0],
-            "eta": 0.0,
-        },
+        "safety": {"function": function, "rho": 0.5, "alpha": [1.0], "eta": 0.0},
         "agents": [
             agent("1", "normal", [0.0, 0.0], type="track-velocity"),
             *leaving,
-            agent(
-                "hunter", "adversary", [1.8, 0.0], **script(*((t, [v, 0.0]) for t, v in passing))
-            ),
+            agent("hunter", "adversary", [1.8, 0.0], **hunting),
         ],
         **changes,
     }
@@ -121,13 +116,10 @@ def test_each_excursion_has_its_own_begin_and_end(run: phalanx.Run) -> None:
     assert violation.times.endswith(f"to {back[1]:.3f} s, in 2 excursions")
     assert f"left the safe set, up to h = {violation.worst:.4g} where 0" in last_line(run.summary)
     assert f", for {violation.times}" in last_line(run.summary)
-    replay, early = Replay(run.recording), f"since t = {exits[0]:.3f} s"
-    for t, lines in (
-        (exits[0] + 0.02, early),
-        (exits[1] + 0.02, f"since t = {exits[1]:.3f} s"),
-    ):
-        (line,) = Picture(replay.model, replay.frame(t)).unsafe_lines
-        assert line.endswith(lines)
+    replay = Replay(run.recording)
+    for begin in exits:
+        (line,) = Picture(replay.model, replay.frame(begin + 0.02)).unsafe_lines
+        assert line.endswith(f"since t = {begin:.3f} s")
     between = Picture(replay.model, replay.frame((back[0] + exits[1]) / 2.0))
     (line,) = between.past_lines
     assert line.startswith(f"1-hunter was unsafe from t = {exits[0]:.3f} s to {back[0]:.3f} s")
