@@ -6,6 +6,7 @@ CasADi's, arrays numpy's, units SI, and safe is h <= 0.
 
     from phalanx.extend import Body, ClassK, Obstacle, box_polytope
 
+Each has an example, which begins with `import casadi as ca, numpy as np` and all names from here.
 Names that are not in this module may change at any time.
 """
 

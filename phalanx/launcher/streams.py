@@ -61,12 +61,19 @@ def printable(text: object) -> str:
 
 
 def echo(*lines: object) -> None:
-    """Print each line."""
+    """Print each line.
+
+    >>> echo("3 runs")
+    3 runs
+    """
     print("\n".join(map(printable, lines)), flush=True)
 
 
 def echo_error(error: object) -> None:
-    """Print an error, which may have several lines, to standard error."""
+    """Print an error, which may have several lines, to standard error.
+
+    >>> echo_error("disk full")
+    """
     print("\n".join(map(printable, str(error).split("\n"))), file=sys.stderr)
 
 

@@ -1,16 +1,4 @@
-"""The protocol of link rules: a rule drops, delays, duplicates or corrupts single messages.
-
-A class of your own is a rule if it has the method `treat`; a dozen lines are enough:
-
-    @dataclass(frozen=True)
-    class Rain:
-        \"\"\"Loss in proportion to the distance.\"\"\"
-
-        per_metre: float
-
-        def treat(self, message):
-            return DROP if message.draw("rain") < self.per_metre * message.distance else DELIVER
-"""
+"""The protocol of link rules: a rule drops, delays, duplicates or corrupts single messages."""
 
 import math
 from dataclasses import dataclass
@@ -28,7 +16,11 @@ from phalanx.theory.expressions.user_methods import (
 
 
 class Copy(msgspec.Struct, frozen=True):
-    """One copy of a message that a rule lets through."""
+    """One copy of a message that a rule lets through.
+
+    >>> Copy(after=0.02).corrupt
+    False
+    """
 
     after: float = 0.0
     """Delay since it arrived at the rule [s]."""
@@ -53,7 +45,11 @@ BASIC = ""
 
 
 def delay(after: float) -> Treatment:
-    """Deliver the message with a delay [s]."""
+    """Deliver the message with a delay [s].
+
+    >>> delay(0.02)
+    (Copy(after=0.02, corrupt=False),)
+    """
     return (Copy(after),)
 
 
@@ -65,7 +61,11 @@ class DrawsByPurpose(Protocol):
 
 
 class Message(msgspec.Struct, frozen=True):
-    """One message on one link, as it arrives at a rule."""
+    """One message on one link, as it arrives at a rule.
+
+    >>> Message("a", "b", 0, 1.0, 0.5, distance=3.0, copy=0, previous=-np.inf, tables={}).t
+    1.5
+    """
 
     sender: str
     receiver: str
@@ -116,7 +116,15 @@ class AtLeast(NamedTuple):
 
 
 class Rule(Protocol):
-    """The treatment of messages: a pure function of the message, its link and the seed."""
+    """The treatment of messages: a pure function of the message, its link and the seed.
+
+    >>> class Rain:
+    ...     def treat(self, message):
+    ...         return DROP if message.distance > 30.0 else DELIVER
+    >>> link = "a", "b", 0, 0.0, 0.0
+    >>> Rain().treat(Message(*link, distance=0.0, copy=0, previous=-np.inf, tables={}))
+    (Copy(after=0.0, corrupt=False),)
+    """
 
     def treat(self, message: Message) -> Treatment:
         """Return DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""

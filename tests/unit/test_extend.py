@@ -1,10 +1,13 @@
 """The public names for code of one's own: listed, documented, and all that is needed."""
 
 import ast
+import doctest
 import inspect
 import itertools
 import sys
 
+import casadi as ca
+import numpy as np
 import pytest
 
 import phalanx.extend
@@ -12,6 +15,7 @@ from phalanx.schema.built_in import BUILT_IN
 
 SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = phalanx.extend.__all__
+LONGEST_EXAMPLE = 30
 HOMES = {
     alias.name: sys.modules[node.module]
     for node in SOURCE.body
@@ -48,6 +52,16 @@ def test_every_name_is_documented(name):
         methods = [m for n, m in vars(value).items() if not n.startswith("_")]
         assert methods
         assert all(inspect.getdoc(m) for m in methods)
+    require_example(name, value.__doc__)
+
+
+def require_example(name, docstring):
+    """Fail unless a docstring has a short example that prints what it says."""
+    names = {n: getattr(phalanx.extend, n) for n in NAMES} | {"ca": ca, "np": np}
+    test = doctest.DocTestParser().get_doctest(docstring, names, name, None, 0)
+    assert 0 < sum((e.source + e.want).count("\n") for e in test.examples) <= LONGEST_EXAMPLE
+    printed = []
+    assert doctest.DocTestRunner().run(test, out=printed.append).failed == 0, "".join(printed)
 
 
 def documented_values(module) -> set[str]:

@@ -32,7 +32,11 @@ _SLACK_WEIGHT = 1000.0
 
 @dataclass(frozen=True)
 class Nominal:
-    """The nominal input, clipped to what the actuators take."""
+    """The nominal input, clipped to what the actuators take.
+
+    >>> isinstance(Nominal(), Controller)
+    True
+    """
 
     def prepare(self, agent: ControlledAgent) -> None:
         """Prepare nothing."""
@@ -44,7 +48,11 @@ class Nominal:
 
 @dataclass(frozen=True)
 class Escape:
-    """Flight from whatever is nearest, by the pair with the largest h."""
+    """Flight from whatever is nearest, by the pair with the largest h.
+
+    >>> isinstance(Escape(), Controller)
+    True
+    """
 
     def prepare(self, agent: ControlledAgent) -> None:
         """Prepare nothing."""
@@ -59,7 +67,11 @@ class Escape:
 
 @dataclass
 class BarrierQP:
-    """The input nearest to the nominal one that keeps ψ_q <= 0 of every pair at the sample."""
+    """The input nearest to the nominal one that keeps ψ_q <= 0 of every pair at the sample.
+
+    >>> isinstance(BarrierQP(), Controller)
+    True
+    """
 
     def prepare(self, agent: ControlledAgent) -> None:
         """Make the QP."""
@@ -84,6 +96,9 @@ class LyapunovBarrierQP:
     """argmin ‖u‖² + p δ² with V' <= δ - λ V and every pair's row; V = ‖s‖² / 2.
 
     s = (d/dt + λ)^(r-1) (p - p^d), where the inputs act on the output's r-th derivative.
+
+    >>> isinstance(LyapunovBarrierQP(), Controller)
+    True
     """
 
     def prepare(self, agent: ControlledAgent) -> None:

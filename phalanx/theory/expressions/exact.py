@@ -19,7 +19,11 @@ LARGEST_SUM = 1e303
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Σ a b over the last axis, the others broadcast: A x is dot(A, x), A Bᵀ dot(A[:, None], B)."""
+    """Σ a b over the last axis, the others broadcast: A x is dot(A, x), A Bᵀ dot(A[:, None], B).
+
+    >>> dot(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0]))
+    array([11.,  4.])
+    """
     # np.add.reduce does not call BLAS, and its order of pairwise sums is the same for any SIMD.
     total: Array = np.add.reduce(a * b, axis=-1)
     return total
@@ -31,13 +35,21 @@ def inner(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def length(a: Array) -> Array:
-    """Euclidean length along the last axis."""
+    """Euclidean length along the last axis.
+
+    >>> length(np.array([[3.0, 4.0], [0.0, 2.0]]))
+    array([5., 2.])
+    """
     norm: Array = np.sqrt(dot(a, a))
     return norm
 
 
 def added(values: Iterable[float]) -> float:
-    """The sum from left to right, each step rounded."""
+    """The sum from left to right, each step rounded.
+
+    >>> added([0.5, 0.25, 1.0])
+    1.75
+    """
     total = 0.0
     for value in values:
         total += value

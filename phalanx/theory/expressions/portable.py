@@ -54,7 +54,12 @@ def portable_function(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
 
 
 def portable_value(function: Callable[[Any], Any], x: float) -> float:
-    """Evaluate a function of `circular` or `exponential` at a number."""
+    """Evaluate a function of `circular` or `exponential` at a number.
+
+    >>> from phalanx.theory.expressions.circular import atan
+    >>> portable_value(atan, 1.0)
+    0.7853981633974483
+    """
     return float(function(ca.DM(x)))
 
 

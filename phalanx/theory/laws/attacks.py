@@ -57,6 +57,9 @@ class Chase:
 
     While it does not see its target it pursues the nearest normal agent. If it sees none it stays
     in place.
+
+    >>> Chase(gains=(1.0, 2.0), targets={"hunter": "1"}).targets["hunter"]
+    '1'
     """
 
     without_goal: ClassVar[bool] = True
@@ -155,7 +158,11 @@ class _Team:
 
 @dataclass
 class WorstCase:
-    """u_j^max of Eq. (adversarialu): the input of U_j with the largest effect on ψ_q."""
+    """u_j^max of Eq. (adversarialu): the input of U_j with the largest effect on ψ_q.
+
+    >>> isinstance(WorstCase(), Law)
+    True
+    """
 
     without_goal: ClassVar[bool] = True
 
@@ -182,6 +189,9 @@ class WorstLookahead:
     knows that, and holds the best mean of two of its own corners. At each sample it decides
     again, so that the input is bang-bang. Of all targets in sight it takes the one that it can come
     closest to; if it sees none it applies the first corner.
+
+    >>> WorstLookahead(horizon=2.0).horizon
+    2.0
     """
 
     without_goal: ClassVar[bool] = True
@@ -265,6 +275,12 @@ class Script:
     """u(t) = inputs[k] from at[k] until at[k + 1]: the attack of a search, or of a person.
 
     An agent changes its input at its first sample at or after the instant. It keeps the last one.
+
+    >>> attack = Script(at=(0.0, 1.0), inputs=((1.0, 0.0), (0.0, 1.0)))
+    >>> attack.prepare(SingleIntegrator(speed=1.0))
+    >>> goal = Goal(np.ones(2), np.zeros(2), np.zeros(2))
+    >>> attack.input(View(0, {0: np.zeros(2)}, (0,), goal, None, t=1.5))
+    array([0., 1.])
     """
 
     without_goal: ClassVar[bool] = True

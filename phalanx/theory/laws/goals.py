@@ -20,7 +20,11 @@ from phalanx.theory.expressions.exact import length
 
 
 class Goal(NamedTuple):
-    """A desired position with its first two time derivatives, shapes (2,) or (3,)."""
+    """A desired position with its first two time derivatives, shapes (2,) or (3,).
+
+    >>> Goal(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2)).position
+    array([1., 2.])
+    """
 
     position: Array
     """p^d [m]"""
@@ -36,7 +40,11 @@ def hold(position: Array) -> Goal:
 
 
 class Motion(NamedTuple):
-    """An agent's output point as its state has it, shapes (2,) or (3,)."""
+    """An agent's output point as its state has it, shapes (2,) or (3,).
+
+    >>> Motion(position=np.ones(2), velocity=np.zeros(2)).position
+    array([1., 1.])
+    """
 
     position: Array
     """p [m]"""
@@ -45,7 +53,12 @@ class Motion(NamedTuple):
 
 
 class Sight(Struct, frozen=True):
-    """A reference's arguments at one sampling instant."""
+    """A reference's arguments at one sampling instant.
+
+    >>> sight = Sight(0.5, "a", lambda name: Motion(np.ones(2), np.zeros(2)))
+    >>> sight.position
+    array([1., 1.])
+    """
 
     t: float
     """[s]"""
@@ -64,7 +77,16 @@ class Sight(Struct, frozen=True):
 
 @runtime_checkable
 class Reference(Protocol):
-    """A source of an agent's goal; a scenario names it ``package.module:Name``."""
+    """A source of an agent's goal; a scenario names it ``package.module:Name``.
+
+    >>> class Rising:
+    ...     def goal(self, sight):
+    ...         return Goal(np.array([0.0, sight.t]), np.array([0.0, 1.0]), np.zeros(2))
+    ...     def end(self):
+    ...         return None
+    >>> isinstance(Rising(), Reference)
+    True
+    """
 
     def goal(self, sight: Sight) -> Goal:
         """The goal now. Each agent has a reference of its own, which may keep state."""
@@ -81,7 +103,11 @@ Points = Annotated[tuple[Point, ...], MinLen(1)]
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """One position for the whole run."""
+    """One position for the whole run.
+
+    >>> FixedPoint(position=(1.0, 2.0)).end()
+    array([1., 2.])
+    """
 
     position: Point
 
@@ -123,7 +149,12 @@ class Polyline:
 
 @dataclass
 class Waypoints:
-    """Positions to pass in order: at given times, or each once the one before it is reached."""
+    """Positions to pass in order: at given times, or each once the one before it is reached.
+
+    >>> points = Waypoints(points=((0.0, 0.0), (2.0, 0.0)), times=(0.0, 4.0))
+    >>> points.goal(Sight(1.0, "a", None)).position
+    array([0.5, 0. ])
+    """
 
     points: Points
     times: tuple[Annotated[float, Ge(0), Le(1e9)], ...] = ()
@@ -166,7 +197,12 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class PathAtSpeed:
-    """A polyline along which the goal moves from its first point on, and rests at its last."""
+    """A polyline along which the goal moves from its first point on, and rests at its last.
+
+    >>> path = PathAtSpeed(points=((0.0, 0.0), (2.0, 0.0)), speed=0.5)
+    >>> path.goal(Sight(1.0, "a", None)).velocity
+    array([0.5, 0. ])
+    """
 
     points: Annotated[Points, MinLen(2)]
     speed: Annotated[float, Gt(0), Le(1e9)]
@@ -202,6 +238,10 @@ class Follow:
     The goal has the part of that agent's velocity that its state shows: all of it where inputs act
     on the acceleration, none where they act on the velocity. While that agent is out of sight, the
     goal is to stay.
+
+    >>> sight = Sight(0.0, "a", lambda name: Motion(np.ones(2), np.zeros(2)))
+    >>> Follow(agent="b", offset=(0.0, 3.0)).goal(sight).position
+    array([1., 4.])
     """
 
     agent: str

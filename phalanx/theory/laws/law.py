@@ -28,7 +28,12 @@ from phalanx.theory.safety.obstacles import Obstacle
 
 
 class View(Struct, frozen=True):
-    """A law's arguments at one sampling instant of agent i: its own state and those it sees."""
+    """A law's arguments at one sampling instant of agent i: its own state and those it sees.
+
+    >>> goal = Goal(np.ones(2), np.zeros(2), np.zeros(2))
+    >>> View(0, {0: np.zeros(2)}, (0,), goal, None, t=0.0).goal.position
+    array([1., 1.])
+    """
 
     i: int
     x: Mapping[int, Array]
@@ -48,7 +53,16 @@ class View(Struct, frozen=True):
 
 @runtime_checkable
 class Law(Protocol):
-    """A nominal law or an attack; a scenario names it ``package.module:Name``."""
+    """A nominal law or an attack; a scenario names it ``package.module:Name``.
+
+    >>> class Still:
+    ...     def prepare(self, dynamics):
+    ...         self.u = np.zeros(len(dynamics.inputs))
+    ...     def input(self, view):
+    ...         return self.u
+    >>> isinstance(Still(), Law)
+    True
+    """
 
     def prepare(self, dynamics: Dynamics) -> None:
         """Prepare for a dynamics; called once, before the first input.
@@ -62,7 +76,11 @@ class Law(Protocol):
 
 @runtime_checkable
 class TeamLaw(Protocol):
-    """A law that needs the swarm before its first input."""
+    """A law that needs the swarm before its first input.
+
+    >>> isinstance(Chase(gains=(1.0,)), TeamLaw)
+    True
+    """
 
     def join(self, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]) -> Law:
         """The law of agent i. Called once, after prepare. Raises ValueError if it does not fit."""
@@ -112,7 +130,12 @@ MOST_NOTES, LONGEST_NAME = 32, 40
 
 @dataclass(frozen=True)
 class ControlledAgent:
-    """The agent that a controller serves, and the swarm around it: what is known before a run."""
+    """The agent that a controller serves, and the swarm around it: what is known before a run.
+
+    >>> robot = Member("a", SingleIntegrator(speed=1.0), False)
+    >>> ControlledAgent(0, [robot], (), None, (), 0.02, 0.02, None, seed=0).dynamics.inputs
+    ('vx', 'vy')
+    """
 
     i: int
     """The agent's index."""
@@ -140,7 +163,11 @@ class ControlledAgent:
 
 
 class Received(NamedTuple):
-    """The newest broadcast that the agent has received from another normal agent."""
+    """The newest broadcast that the agent has received from another normal agent.
+
+    >>> Received(u=np.ones(2), age=0.02).age
+    0.02
+    """
 
     u: Array
     """The input that the sender says it applies, shape (m_l,)."""
@@ -150,7 +177,15 @@ class Received(NamedTuple):
 
 @dataclass(frozen=True)
 class ControllerView:
-    """One agent's knowledge at a sample. Agents go by their index in the swarm."""
+    """One agent's knowledge at a sample. Agents go by their index in the swarm.
+
+    >>> goal = Goal(np.ones(2), np.zeros(2), np.zeros(2))
+    >>> view = ControllerView(
+    ...     0.0, 0, {}, (0,), goal, np.ones(2), {}, None, None, None, None, None, {}
+    ... )
+    >>> Nominal().input(view)
+    array([1., 1.])
+    """
 
     t: float
     """Time of the sample [s]."""
@@ -224,6 +259,14 @@ class Controller(Protocol):
 
     Each agent has an object of its own, which may keep state in its attributes. A restarted agent
     gets a new one.
+
+    >>> class Careful:
+    ...     def prepare(self, agent):
+    ...         self.u = np.zeros(len(agent.dynamics.inputs))
+    ...     def input(self, view):
+    ...         return view.u_nom if view.certified(view.u_nom) > 0.1 else self.u
+    >>> isinstance(Careful(), Controller)
+    True
     """
 
     def prepare(self, agent: ControlledAgent) -> None:

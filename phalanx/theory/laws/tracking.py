@@ -97,7 +97,14 @@ class OutputVelocity:
 
 @dataclass
 class TrackVelocity:
-    """Output velocity v^d + k (p^d - p), the nominal law of Simulation 1."""
+    """Output velocity v^d + k (p^d - p), the nominal law of Simulation 1.
+
+    >>> law = TrackVelocity(gain=3.0)
+    >>> law.prepare(SingleIntegrator(speed=1.0))
+    >>> goal = Goal(np.ones(2), np.zeros(2), np.zeros(2))
+    >>> law.input(View(0, {0: np.zeros(2)}, (0,), goal, None, t=0.0))
+    array([3., 3.])
+    """
 
     gain: Positive = 1.0
     """k [1/s]"""
@@ -117,6 +124,9 @@ class Pursue:
     """Output velocity k (p_nearest - p): chase the nearest normal agent, as in Simulation 1.
 
     If it sees none it stays in place.
+
+    >>> isinstance(Pursue(gain=2.0), Law)
+    True
     """
 
     without_goal: ClassVar[bool] = True
@@ -161,7 +171,14 @@ def tracked_chain(dynamics: Dynamics, gains: Gains) -> OutputChain:
 
 @dataclass
 class Track:
-    """K (x^d - x) + the q-th derivative of p^d: the nominal law of Simulation 2."""
+    """K (x^d - x) + the q-th derivative of p^d: the nominal law of Simulation 2.
+
+    >>> law = Track(gains=(2.0,))
+    >>> law.prepare(SingleIntegrator(speed=1.0))
+    >>> goal = Goal(np.ones(2), np.zeros(2), np.zeros(2))
+    >>> law.input(View(0, {0: np.zeros(2)}, (0,), goal, None, t=0.0))
+    array([2., 2.])
+    """
 
     gains: Gains
     """k_1 ... k_q of the position error and its derivatives' [1/s^q ... 1/s]."""

@@ -143,7 +143,11 @@ def integrated_margin(
 
 @dataclass(frozen=True)
 class IntegratedMargin:
-    """A smaller bound computed at each sample, of a pair's row with a linear α_q."""
+    """A smaller bound computed at each sample, of a pair's row with a linear α_q.
+
+    >>> isinstance(IntegratedMargin(), Margin)
+    True
+    """
 
     def at_sample(self, row: PairRow) -> ca.SX:
         return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)

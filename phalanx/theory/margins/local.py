@@ -75,7 +75,11 @@ def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:
 
 @dataclass(frozen=True)
 class LocalMargin:
-    """A bound computed at each sample, of a pair's row with any α_q."""
+    """A bound computed at each sample, of a pair's row with any α_q.
+
+    >>> isinstance(LocalMargin(), Margin)
+    True
+    """
 
     def at_sample(self, row: PairRow) -> ca.SX:
         return local_margin(row.chain, row.own, row.horizon, row.bounds, row.part)

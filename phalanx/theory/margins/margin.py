@@ -57,6 +57,10 @@ class PairRow(NamedTuple):
 
     The row is c_i u_i + share (Σ drift + α_q) + margin <= 0. A whole row, with share 1, also
     contains the other member's part of ψ_q.
+
+    >>> from phalanx.theory.margins.margin import RowPart
+    >>> PairRow(None, 0, RowPart.HALF, horizon=0.02, bounds=(0.0, 0.0)).share
+    0.5
     """
 
     chain: Chain
@@ -83,6 +87,12 @@ class Margin(Protocol):
     """The margin of a pair's row; a scenario names it ``package.module:Name``.
 
     A margin of your own is not proven; certificates judge the run all the same.
+
+    >>> class Ample:
+    ...     def at_sample(self, row):
+    ...         return ca.SX(0.1 * row.share)
+    >>> isinstance(Ample(), Margin)
+    True
     """
 
     def at_sample(self, row: PairRow) -> ca.SX:

@@ -55,6 +55,9 @@ class Quadrotor(_Rotorcraft):
 
     c' = (u_c - c) / thrust_lag, and so θ and φ with tilt_lag. Once |c|, |θ| and |φ| are within
     their bounds, they stay there but for the disturbance.
+
+    >>> Quadrotor(thrust=5.0, tilt=0.5).input_metric()[0]
+    1.0
     """
 
     thrust: Positive
@@ -99,6 +102,9 @@ class IdentifiedQuadrotor(_Rotorcraft):
     v' = (g + c) n - g e_z - drag v, with n as in `quadrotor`. A filter aboard smooths the commanded
     thrust, r' = (u_c - r) / filter_lag, and the rotors follow, c' = (r - c) / thrust_lag: all
     inputs act on the fourth derivative of the position, q = 4.
+
+    >>> IdentifiedQuadrotor(3.0, 0.3, 0.1, 0.05, stiffness=320.0, damping=20.0).states[6:]
+    ('c', 'theta', 'phi', 'r', 'theta_rate', 'phi_rate')
     """
 
     thrust: Annotated[float, Gt(0), Lt(GRAVITY)]

@@ -29,6 +29,21 @@ class Dynamics(Protocol):
     """The dynamics of an agent. Expressions are CasADi's; units are SI.
 
     A dataclass with these members is a dynamics; a scenario names it ``package.module:Name``.
+
+    >>> class Slider:
+    ...     states, inputs = ("x", "y"), ("vx",)
+    ...     def drift(self, x):
+    ...         return ca.SX.zeros(2)
+    ...     def actuation(self, x):
+    ...         return ca.SX([1, 0])
+    ...     def position(self, x):
+    ...         return x
+    ...     def input_polytope(self, x):
+    ...         return box_polytope((1.0,))
+    ...     def input_metric(self):
+    ...         return (1.0,)
+    >>> isinstance(Slider(), Dynamics)
+    True
     """
 
     @property
@@ -57,7 +72,11 @@ class Dynamics(Protocol):
 
 @runtime_checkable
 class Bounded(Protocol):
-    """Dynamics with a bound on how far the output point can move in a given time."""
+    """Dynamics with a bound on how far the output point can move in a given time.
+
+    >>> round(SingleIntegrator(speed=1.0).travel(np.zeros(2), 2.0, disturbance=0.5), 2)
+    3.83
+    """
 
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         """Bound the distance of p from p(x) within `time` [m], for any inputs in U.
@@ -77,14 +96,23 @@ def _distance(dynamics: Bounded, distance: Any, *_: object) -> float:
 
 
 def box_polytope(bounds: tuple[float, ...]) -> tuple[ca.SX, ca.SX]:
-    """The box |u_c| <= bounds_c as (A, b), shapes (2m, m) and (2m,)."""
+    """The box |u_c| <= bounds_c as (A, b), shapes (2m, m) and (2m,).
+
+    >>> A, b = box_polytope((2.0, 1.0))
+    >>> ca.DM(b)
+    DM([2, 1, 2, 1])
+    """
     identity = np.eye(len(bounds))
     return ca.SX(np.vstack([identity, -identity])), ca.SX(np.array([*bounds, *bounds]))
 
 
 @runtime_checkable
 class Measured(Protocol):
-    """Dynamics with units; a dataclass may have them as plain attributes."""
+    """Dynamics with units; a dataclass may have them as plain attributes.
+
+    >>> Unicycle(speed=1.0, turn_rate=2.0).state_units
+    ('m', 'm', 'rad')
+    """
 
     @property
     def state_units(self) -> tuple[str, ...]:

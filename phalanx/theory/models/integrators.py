@@ -74,7 +74,11 @@ class _Integrator:
 
 @dataclass(frozen=True)
 class SingleIntegrator(_Integrator):
-    """p' = u + φ with |u_c| <= speed; 2-D or 3-D."""
+    """p' = u + φ with |u_c| <= speed; 2-D or 3-D.
+
+    >>> SingleIntegrator(speed=2.0).inputs
+    ('vx', 'vy')
+    """
 
     speed: Positive
     """Bound on every velocity component [m/s]."""
@@ -88,6 +92,9 @@ class DoubleIntegrator(_Integrator):
     """p' = v, v' = u - β v with |u_c| <= acceleration, as in Simulation 2; q = 2.
 
     With β > 0 every component of v stays below acceleration / β, once it is.
+
+    >>> DoubleIntegrator(acceleration=2.0, dimension=2).states
+    ('x', 'y', 'vx', 'vy')
     """
 
     acceleration: Positive
@@ -105,7 +112,11 @@ class DoubleIntegrator(_Integrator):
 
 @dataclass(frozen=True)
 class TripleIntegrator(_Integrator):
-    """p' = v, v' = a, a' = u with |u_c| <= jerk; q = 3."""
+    """p' = v, v' = a, a' = u with |u_c| <= jerk; q = 3.
+
+    >>> TripleIntegrator(jerk=4.0, dimension=2).state_units
+    ('m', 'm', 'm/s', 'm/s', 'm/s²', 'm/s²')
+    """
 
     jerk: Positive
     """Bound on every component of the input [m/s³]."""

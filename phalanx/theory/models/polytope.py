@@ -48,7 +48,12 @@ class Box:
 
 
 class Polytope(NamedTuple):
-    """U(x) = {u : A u <= b} at one state."""
+    """U(x) = {u : A u <= b} at one state.
+
+    >>> from phalanx.theory.models.polytope import polytope
+    >>> polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4)).takes([1.0, 0.5])
+    True
+    """
 
     A: Array
     """shape (r, m)"""

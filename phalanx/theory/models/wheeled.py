@@ -31,6 +31,9 @@ class Unicycle(_Differential):
     State (x, y, θ); native input (ν, ω), which is what the actuator holds between samples.
     The paper's output input is u = R(θ) diag(1, b) (ν, ω), so its polytope
     Eq. (IOcontrolbounds) is the box |ν| <= speed, |ω| <= turn_rate, constant in (ν, ω).
+
+    >>> Unicycle(speed=1.0, turn_rate=2.0).position(ca.DM([1, 2, 0]))
+    DM([1.25, 2])
     """
 
     speed: Positive
@@ -66,6 +69,10 @@ class DynamicUnicycle(_Differential):
 
     State (x, y, θ, ν, ω); ν' = a - drag ν, ω' = α - turn_drag ω. With drag > 0, |ν| stays below
     acceleration / drag once it is; so does |ω|.
+
+    >>> robot = DynamicUnicycle(acceleration=2.0, turn_acceleration=4.0)
+    >>> robot.drift(ca.DM([0, 0, 0, 1, 0.5]))
+    DM([1, 0, 0.5, -0, -0])
     """
 
     acceleration: Positive
@@ -109,6 +116,9 @@ class DifferentialDrive(_Differential):
 
     State (x, y, θ); inputs the rates ω_l and ω_r of the left and right wheel. The robot moves as a
     unicycle with ν = r (ω_r + ω_l) / 2 and ω = r (ω_r - ω_l) / track: fast turns leave less speed.
+
+    >>> DifferentialDrive(wheel_rate=10.0, wheel_radius=0.5, track=1.0).inputs
+    ('omega_l', 'omega_r')
     """
 
     wheel_rate: Positive

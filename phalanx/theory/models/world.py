@@ -20,7 +20,11 @@ class WorldError(RuntimeError):
 
 
 class WorldAgent(NamedTuple):
-    """A robot of a world."""
+    """A robot of a world.
+
+    >>> WorldAgent("a", SingleIntegrator(speed=1.0), start=np.zeros(2)).name
+    'a'
+    """
 
     name: str
     dynamics: Dynamics
@@ -40,7 +44,11 @@ class WorldNote(NamedTuple):
 
 
 class WorldStates(NamedTuple):
-    """States of all robots at s instants, in order."""
+    """States of all robots at s instants, in order.
+
+    >>> WorldStates(np.array([0.1]), {"a": np.zeros((1, 2))}).x["a"].shape
+    (1, 2)
+    """
 
     t: Array
     """[s], shape (s,)"""
@@ -57,6 +65,26 @@ class World(Protocol):
     `phalanx.testing.check_world` tries whether it keeps what is said here. A world whose attribute
     `real_time` is true runs in real time alone; a method `close()` is called after the run.
     `require_robots(dynamics)`, by agent, may raise ValueError of what cannot be its robots.
+
+    >>> class Points:
+    ...     determinism = "bits"
+    ...     def begin(self, agents, seed, step):
+    ...         self.t, self.step = 0.0, step
+    ...         self.x = {a.name: a.start for a in agents}
+    ...         self.u = {a.name: 0.0 * a.start for a in agents}
+    ...     def reseed(self, seed): ...
+    ...     def hold(self, name, u):
+    ...         self.u[name] = u
+    ...     def advance(self, until):
+    ...         t = np.linspace(self.t, until, 2 + int((until - self.t) / self.step))[1:]
+    ...         x = {n: self.x[n] + np.outer(t - self.t, u) for n, u in self.u.items()}
+    ...         self.t, self.x = until, {n: path[-1] for n, path in x.items()}
+    ...         return WorldStates(t, x)
+    >>> world = Points()
+    >>> world.begin([WorldAgent("a", SingleIntegrator(speed=1.0), np.zeros(2))], 0, 0.1)
+    >>> world.hold("a", np.ones(2))
+    >>> world.advance(0.1).x["a"][-1]
+    array([0.1, 0.1])
     """
 
     @property

@@ -125,6 +125,11 @@ def least_violation(polytope: Polytope, rows: Rows) -> Array:
     if float64 finds none. Rows that stay below the least possible s for every u cannot bind, and
     are left out. If margins are unknown, with a bound of -inf, only those rows count, with a bound
     of 0.
+
+    >>> from phalanx.theory.models.polytope import polytope
+    >>> U = polytope(np.array([[1.0], [-1.0]]), np.ones(2))
+    >>> least_violation(U, Rows(np.array([[1.0]]), np.array([-3.0])))
+    array([-1.])
     """
     unknown = np.isneginf(rows.bound)
     if unknown.any():

@@ -39,7 +39,13 @@ class OwnPair(NamedTuple):
 
 
 class PairTerms(Struct, frozen=True):
-    """Terms at one sampled state, for each pair of agent i in sight; shapes (r,) unless given."""
+    """Terms at one sampled state, for each pair of agent i in sight; shapes (r,) unless given.
+
+    >>> one, none = np.ones(1), np.zeros(1)
+    >>> terms = PairTerms(-np.ones((1, 1)), np.ones((1, 2)), one, none, none, [], (None,), none > 0)
+    >>> Rows(terms.a, -(terms.unforced + terms.most)).bound
+    array([-1.])
+    """
 
     psi: Array
     """ψ_0 ... ψ_{q-1} of each pair, shape (r, q)."""

@@ -123,6 +123,11 @@ class NearestInput:
 
     In a box with one row by nearest_in_box, else by OSQP. A solver is kept for each number of rows;
     a result depends on the arguments alone.
+
+    >>> from phalanx.theory.models.polytope import polytope
+    >>> U = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
+    >>> NearestInput(metric=(1.0, 1.0)).solve(np.array([3.0, 0.5]), U)
+    array([1. , 0.5])
     """
 
     def __init__(self, metric: tuple[float, ...], most_steps: int = 20_000) -> None:

@@ -63,7 +63,11 @@ class Row(Struct, frozen=True):
 
 
 class Rows(Struct, frozen=True):
-    """a u <= bound, one row for each pair."""
+    """a u <= bound, one row for each pair.
+
+    >>> Rows(a=np.array([[1.0, 0.0]]), bound=np.array([0.5])).bound
+    array([0.5])
+    """
 
     a: Array
     """shape (r, m_i)"""

@@ -19,7 +19,14 @@ class RelativeDegreeError(ValueError):
 
 @dataclass(frozen=True)
 class Chain:
-    """ψ_0^d ... ψ_{q-1}^d and the parts of ψ_q^d, as expressions of the stacked state."""
+    """ψ_0^d ... ψ_{q-1}^d and the parts of ψ_q^d, as expressions of the stacked state.
+
+    >>> from phalanx.theory.safety.chain import build_chain
+    >>> from phalanx.theory.safety.composition import of_pair
+    >>> a, b = (Member(name, SingleIntegrator(speed=1.0), False) for name in "ab")
+    >>> build_chain(of_pair(a, b, Separation(radius=1.0)), [1.0]).relative_degree
+    1
+    """
 
     set: ComposedSet
     psi: tuple[ca.SX, ...]

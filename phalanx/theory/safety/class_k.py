@@ -23,7 +23,14 @@ _HALVINGS, _MOST_PLACES = 100, 400
 
 @runtime_checkable
 class ClassK(Protocol):
-    """α as a CasADi expression; a scenario names it ``package.module:Name``."""
+    """α as a CasADi expression; a scenario names it ``package.module:Name``.
+
+    >>> class Cubic:
+    ...     def value(self, s):
+    ...         return s**3
+    >>> isinstance(Cubic(), ClassK)
+    True
+    """
 
     def value(self, s: ca.SX) -> ca.SX:
         """α(s), scalar, for any s, negative too."""
@@ -34,7 +41,11 @@ declare_scalar(ClassK, "value", lambda s: [s])
 
 @dataclass(frozen=True)
 class Linear:
-    """α(s) = gain s; a scenario writes the bare number."""
+    """α(s) = gain s; a scenario writes the bare number.
+
+    >>> Linear(gain=2.0).value(-3.0)
+    -6.0
+    """
 
     gain: Annotated[float, Gt(0)]
     """[1/s]"""
@@ -49,6 +60,9 @@ class Power:
 
     Locally Lipschitz for exponents from 1 on. α_1 ... α_{q-1} are differentiated, so that
     Assumption (psiLC) requires an exponent of 1, or of 2 and more, for them.
+
+    >>> Power(gain=2.0, exponent=2.0).value(ca.DM(-3))
+    DM(-18)
     """
 
     gain: Annotated[float, Gt(0)]

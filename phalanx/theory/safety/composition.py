@@ -20,7 +20,11 @@ FAR = -1e9
 
 @dataclass(frozen=True)
 class Member:
-    """One agent of the swarm: its name, dynamics and side."""
+    """One agent of the swarm: its name, dynamics and side.
+
+    >>> Member("a", SingleIntegrator(speed=1.0), adversary=False).name
+    'a'
+    """
 
     name: str
     dynamics: Dynamics

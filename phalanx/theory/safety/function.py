@@ -20,7 +20,12 @@ from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere
 
 @dataclass(frozen=True)
 class Body:
-    """One agent as an argument of a safe-set function."""
+    """One agent as an argument of a safe-set function.
+
+    >>> p = ca.DM([0, 0])
+    >>> Body(x=p, p=p, states=("x", "y")).adversary
+    False
+    """
 
     x: ca.SX
     """State, shape (n,)."""
@@ -33,7 +38,16 @@ class Body:
 
 @runtime_checkable
 class SafeSetFunction(Protocol):
-    """h as CasADi expressions; a scenario names it ``package.module:Name``."""
+    """h as CasADi expressions; a scenario names it ``package.module:Name``.
+
+    >>> class Loose:
+    ...     def between(self, a, b):
+    ...         return 1.0 - ca.norm_2(a.p - b.p)
+    ...     def to_obstacle(self, a, obstacle):
+    ...         return obstacle.intrusion(a.p)
+    >>> isinstance(Loose(), SafeSetFunction)
+    True
+    """
 
     def between(self, a: Body, b: Body) -> ca.SX:
         """h_ab, scalar, of a normal agent a and any other agent b."""
@@ -48,7 +62,12 @@ class SafeSetFunction(Protocol):
 
 @dataclass(frozen=True)
 class Separation:
-    """h = R² - ‖p_a - p_b‖²: the output points stay R apart."""
+    """h = R² - ‖p_a - p_b‖²: the output points stay R apart.
+
+    >>> p, q = ca.DM([0, 0]), ca.DM([3, 4])
+    >>> Separation(radius=1.0).between(Body(p, p), Body(q, q))
+    DM(-24)
+    """
 
     radius: Positive
     """R between agents [m]; R_c + 2b in the paper's Simulation 1."""
@@ -72,6 +91,10 @@ class Distance:
 
     Far away the disturbance costs h no more than nearby, so that a weak α_1 can pay for it.
     Smooth except where two output points meet.
+
+    >>> p, q = ca.DM([0, 0]), ca.DM([3, 4])
+    >>> Distance(radius=1.0).between(Body(p, p), Body(q, q))
+    DM(-4)
     """
 
     radius: Positive
@@ -97,6 +120,11 @@ class HeadingAware:
     hardly change d, but turning changes h: ∂h/∂θ is κ. Along the line of sight driving changes d at
     full speed, forwards or backwards. With sin² γ, the same both ways, turning would change nothing
     side-on; so only headings away from the other lower h. Smooth except where d = 0.
+
+    >>> x, p, q = ca.DM([0, 0, 0]), ca.DM([0, 0]), ca.DM([2, 0])
+    >>> ahead = Body(q, q, adversary=True)
+    >>> HeadingAware(radius=1.0, kappa=0.5).between(Body(x, p, ("x", "y", "theta")), ahead)
+    DM(0)
     """
 
     radius: Positive
@@ -165,7 +193,14 @@ _CORNERS = 96
 
 @runtime_checkable
 class Limit(Protocol):
-    """A condition on each normal agent alone; a scenario names it ``package.module:Name``."""
+    """A condition on each normal agent alone; a scenario names it ``package.module:Name``.
+
+    >>> class Ceiling:
+    ...     def alone(self, a):
+    ...         return a.p[2] - 10.0
+    >>> isinstance(Ceiling(), Limit)
+    True
+    """
 
     def alone(self, a: Body) -> ca.SX:
         """h of a normal agent, scalar; q as for pairs."""
@@ -173,7 +208,11 @@ class Limit(Protocol):
 
 @runtime_checkable
 class Drawable(Protocol):
-    """A limit that can be drawn."""
+    """A limit that can be drawn.
+
+    >>> isinstance(Fence(center=(0.0, 0.0), radius=8.0), Drawable)
+    True
+    """
 
     def outline(self) -> Sequence[Line]:
         """Lines through points [m], in the plane or in space; a closed one ends where it began."""
@@ -184,6 +223,10 @@ class Fence:
     """h = (‖p - c‖² - R²) / 2R: output points stay in a disc, or a ball.
 
     About the distance from the fence where that is small, and smooth everywhere.
+
+    >>> p = ca.DM([9, 0])
+    >>> Fence(center=(1.0, 0.0), radius=8.0).alone(Body(p, p))
+    DM(0)
     """
 
     center: tuple[float, ...]

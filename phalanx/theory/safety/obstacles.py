@@ -27,7 +27,11 @@ _SAMPLED = 400
 
 @dataclass(frozen=True)
 class Sphere:
-    """A static obstacle; a disc in the plane."""
+    """A static obstacle; a disc in the plane.
+
+    >>> Sphere(center=(0.0, 0.0), clearance=1.0).intrusion(ca.DM([2, 0]))
+    SX(-3)
+    """
 
     center: tuple[float, ...]
     """[m]"""
@@ -87,7 +91,11 @@ class _Solid:
 
 @dataclass(frozen=True)
 class Wall(_Solid):
-    """A half-space n·p >= offset that is closed to agents; n is a unit normal into it."""
+    """A half-space n·p >= offset that is closed to agents; n is a unit normal into it.
+
+    >>> Wall(normal=(1.0, 0.0), offset=5.0).distances(np.array([[2.0, 0.0]]))
+    array([3.])
+    """
 
     normal: tuple[float, ...]
     """n; its length does not matter."""
@@ -124,6 +132,9 @@ class Box(_Solid):
     Its distance from p is ‖e‖, where e_k = max(0, |q_k| - s_k / 2) and q is p in the box's axes.
     A smooth m takes the maximum's place, with max(0, t) < m(t) <= max(0, t) + ε / 2, and the
     largest sum of these errors is subtracted.
+
+    >>> Box(center=(0.0, 0.0), size=(2.0, 2.0)).distances(np.array([[3.0, 0.0]])).round(2)
+    array([1.86])
     """
 
     center: tuple[float, ...]
@@ -192,6 +203,9 @@ class Polygon(_Solid):
     from a face's line. A smooth m takes the place of max(0, t), at most e / 2 larger, and
     (Σ m⁴ / C)^¼ that of the largest. No direction ψ has Σ max(0, n_k·ψ)⁴ > C: so this is no larger
     than the distance, but for the errors of the m's, which are subtracted.
+
+    >>> Polygon(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).distances(np.array([[0.5, -1.0]])).round(2)
+    array([0.89])
     """
 
     corners: Annotated[tuple[tuple[float, float], ...], MinLen(3), MaxLen(8)]
