@@ -1,7 +1,10 @@
-"""Check the words of docstrings, comments and pages; with --count, count dialect in any checkout.
+"""Check the words of docstrings, comments and pages, and names; with --count, count dialect.
 
-A docstring begins with a verb or a noun phrase. Words that stop a reader who is new are banned.
-`--count FOLDER...` prints how often they occur, to compare this project with others.
+A docstring begins with a verb or a noun phrase. Words that stop a reader who is new are banned,
+in the names of tests too. At most MOST_BARE in 1000 names of a folder say no noun: a bare
+participle, pronoun or determiner. Locals count where their function or comprehension is of more
+than SHORT lines.
+`--count FOLDER...` prints how often dialect occurs, to compare this project with others.
 """
 
 import argparse
@@ -10,12 +13,14 @@ import io
 import re
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCES = ("phalanx", "agent", "plant", "viewer", "tests", "bench", "evidence", "examples")
+SOURCES = (
+    "phalanx", "agent", "plant", "viewer", "tests", "bench", "evidence", "examples", "packages",
+)  # fmt: skip
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs")
 
 NO_FIRST_WORD = re.compile(
@@ -31,10 +36,20 @@ DIALECT = re.compile(
     re.IGNORECASE,
 )
 LONGEST = 25
+BARE = re.compile(
+    r"_*(found|made|given|taken|kept|left|seen|known|wanted|asked|told|said|shown|drawn|held|used"
+    r"|sent|done|named|stated|gathered|placed|apart|alike|place|places|own|each|it|this|that|these"
+    r"|those|one|ones|what|which|who|whose|another)_*"
+)
+"""Names that say no noun."""
+SHORT = 5
+"""Lines of a scope in which a local may have any name."""
+MOST_BARE: Mapping[str, float] = {"tests": 15}
+"""Most bare names in 1000, by folder: 10, or more where a folder is still above; these fall."""
 
 
 class Passage(NamedTuple):
-    """A docstring, a comment or a line of a page, and where it is."""
+    """A docstring, a comment, a test's name or a line of a page, and where it is."""
 
     path: Path
     line: int
@@ -49,6 +64,8 @@ def python_passages(path: Path) -> Iterator[Passage]:
             text = ast.get_docstring(node)
             if text:
                 yield Passage(path, node.body[0].lineno, text, docstring=True)
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            yield Passage(path, node.lineno, node.name.replace("_", " "))
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield Passage(path, token.start[0], token.string.lstrip("# "))
@@ -78,6 +95,41 @@ def faults_of(passage: Passage) -> Iterator[str]:
         yield f"a docstring begins with a verb or a noun phrase, not with {first.group()!r}"
     for word in DIALECT.findall(passage.text):
         yield f"{word!r}: say it in plainer words"
+
+
+def bound_names(node: ast.AST, long_scope: bool = True) -> Iterator[tuple[str, int]]:
+    """Yield the names that a syntax tree binds, each with its line; no locals of short scopes."""
+    match node:
+        case (ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda()) | (
+            ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp()
+        ):
+            long_scope = (node.end_lineno or node.lineno) - node.lineno >= SHORT
+    match node:
+        case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+            yield name, node.lineno
+        case ast.Attribute(attr=name, ctx=ast.Store()) | ast.arg(arg=name):
+            yield name, node.lineno
+        case ast.Name(id=name, ctx=ast.Store()) if long_scope:
+            yield name, node.lineno
+    for child in ast.iter_child_nodes(node):
+        yield from bound_names(child, long_scope)
+
+
+def print_bare_names(folder: Path) -> bool:
+    """Print the bare names of a folder if they are too many; return whether they are."""
+    names = [
+        (path, line, name)
+        for path in sorted(folder.rglob("*.py"))
+        for name, line in bound_names(ast.parse(path.read_text()))
+    ]
+    bare = [entry for entry in names if BARE.fullmatch(entry[2])]
+    share, most = 1000 * len(bare) / max(len(names), 1), MOST_BARE.get(folder.name, 10)
+    if share <= most:
+        return False
+    for path, line, name in bare:
+        print(f"{path.relative_to(ROOT)}:{line}: {name!r}: a name says what it is, by a noun")
+    print(f"{folder.name}: {share:.1f} of 1000 names are bare, where {most} are allowed")
+    return True
 
 
 def print_count(found: list[Passage]) -> None:
@@ -110,7 +162,8 @@ def main() -> int:
         for fault in faults_of(passage):
             print(f"{passage.path.relative_to(ROOT)}:{passage.line}: {fault}")
             wrong += 1
-    return int(wrong > 0)
+    too_many = [print_bare_names(ROOT / name) for name in SOURCES]
+    return int(wrong > 0 or any(too_many))
 
 
 if __name__ == "__main__":

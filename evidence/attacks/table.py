@@ -69,8 +69,8 @@ def attacked_with_certificates(attack: str) -> Outcome:
     return _outcome(*certified.attacked(attack))
 
 
-def _outcome(said: list[str], summary: Summary) -> Outcome:
-    lines = [line.strip() for line in said]
+def _outcome(printed: list[str], summary: Summary) -> Outcome:
+    lines = [line.strip() for line in printed]
     return Outcome(UNDER_WAY in lines, lines.count(READ), summary)
 
 
@@ -96,8 +96,8 @@ def read_table(lines: Iterable[str]) -> dict[str, str]:
     """The result of each attack in a table that was printed before."""
     results = {}
     for line in lines:
-        who, attacks, last = line.strip("| ").split(" | ", 2)
-        results.update({f"{who}: {attack}": last for attack in attacks.split("; ")})
+        attacker, attacks, last = line.strip("| ").split(" | ", 2)
+        results.update({f"{attacker}: {attack}": last for attack in attacks.split("; ")})
     return results
 
 
@@ -105,9 +105,12 @@ def table_of(results: Mapping[str, str]) -> list[str]:
     """Rows of the table: attacks of one attacker with one result share a row."""
     rows: dict[tuple[str, str], list[str]] = {}
     for name, last in results.items():
-        who, _, attack = name.partition(": ")
-        rows.setdefault((who, last), []).append(attack)
-    return [f"| {who} | {'; '.join(attacks)} | {last} |" for (who, last), attacks in rows.items()]
+        attacker, _, attack = name.partition(": ")
+        rows.setdefault((attacker, last), []).append(attack)
+    return [
+        f"| {attacker} | {'; '.join(attacks)} | {last} |"
+        for (attacker, last), attacks in rows.items()
+    ]
 
 
 def calm_run(scenario: phalanx.Scenario) -> Summary:

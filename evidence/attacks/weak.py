@@ -134,21 +134,21 @@ def main() -> None:
     parser.add_argument("--budget", type=int, default=100)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--out", type=Path)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     print("| swarm | by CMA-ES: found, median runs | at random | values, shrunk |\n"
           "|---|---|---|---|", flush=True)  # fmt: skip
     with tempfile.TemporaryDirectory() as temporary:
         for number, (name, table) in enumerate(SWARMS.items()):
-            if asked.only not in name:
+            if arguments.only not in name:
                 continue
-            folder = (asked.out or Path(temporary)) / str(number)
+            folder = (arguments.out or Path(temporary)) / str(number)
             searches = [
                 searched(
                     table(),
-                    Options(asked.budget, seed=seed, fresh=0, first=True),
+                    Options(arguments.budget, seed=seed, fresh=0, first=True),
                     folder / str(seed),
                 )
-                for seed in range(asked.seeds)
+                for seed in range(arguments.seeds)
             ]
             by_search, at_random = zip(*(each.histories for each in searches), strict=True)
             cells = in_words(by_search), in_words(at_random), shrunk(table(), searches)

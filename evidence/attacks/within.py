@@ -123,16 +123,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     print("| scenario | runs by search | violated | first without a certificate | runs at random | "
           "violated | first without a certificate | wrong | within the promise |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|---|", flush=True)
     errors, compared = 0, dict[str, tuple[Runs, Runs]]()
-    options = Options(asked.budget, preset="within", seed=asked.seed, fresh=0)
+    options = Options(arguments.budget, preset="within", seed=arguments.seed, fresh=0)
     with tempfile.TemporaryDirectory() as temporary:
-        for name in filter(lambda name: asked.only in name, LASTS):
-            cut, folder = {"duration": LASTS[name]}, (asked.out or Path(temporary)) / name
-            searches = attack(name, cut, options, folder=folder, workers=asked.workers)
+        for name in filter(lambda name: arguments.only in name, LASTS):
+            cut, folder = {"duration": LASTS[name]}, (arguments.out or Path(temporary)) / name
+            searches = attack(name, cut, options, folder=folder, workers=arguments.workers)
             searched, chance = compared[name] = both(searches.histories)
             base = tomllib.loads((folder / DECLARATION).read_text(encoding="utf-8"))["scenario"]
             early = sum(

@@ -12,14 +12,14 @@ class Shield:
     periods: float = 4.0
 
     def prepare(self, agent: ControlledAgent) -> None:
-        self.wanted = self.periods * agent.period
+        self.least = self.periods * agent.period
 
     def input(self, view: ControllerView) -> Array:
         best = nominal = view.nearest(view.u_nom)
         longest = view.certified(nominal)
         for share in (0.25, 0.5, 0.75, 1.0):
             for corner in view.inputs.corners:
-                if longest >= self.wanted:
+                if longest >= self.least:
                     return best
                 u = (1.0 - share) * nominal + share * corner
                 if (horizon := view.certified(u)) > longest:

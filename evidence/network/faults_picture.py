@@ -60,17 +60,17 @@ def picture(gallery: Gallery, panel: "Panel") -> Figure:
             shade(axes, fault, gallery.without)
             draw(axes, faulty, without)
         pair[0].set_title(name, loc="left", fontsize=9)
-    used = panels[: len(gallery.faults)]
+    shown_panels = panels[: len(gallery.faults)]
     for axes in panels[len(gallery.faults) :].ravel():
         axes.set_visible(False)
-    for axes in used[-ACROSS:].ravel():
+    for axes in shown_panels[-ACROSS:].ravel():
         axes.set_xlabel("t [s]", fontsize=8)
         axes.tick_params(labelbottom=True)
-    align(used[:, 1])
-    for axes in used[:, 1]:
+    align(shown_panels[:, 1])
+    for axes in shown_panels[:, 1]:
         axes.axhspan(axes.get_ylim()[0], SAFE, color=PEAK, alpha=0.12, linewidth=0)
     if panel is draw_path:
-        align(used[:, 0])
+        align(shown_panels[:, 0])
     return figure
 
 

@@ -32,8 +32,8 @@ def main() -> None:
     """Run, and print the table."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--factor", type=float, help="of those runs alone that have this one")
-    asked = arguments.parse_args().factor
-    runs = [paced for paced in RUNS if asked in (None, paced.factor)]
+    factor = arguments.parse_args().factor
+    runs = [paced for paced in RUNS if factor in (None, paced.factor)]
     print("| run | samples | missed | late |", end="")
     for number, paced in enumerate(runs):
         overrides = {"duration": paced.duration, "time.latency": paced.latency}

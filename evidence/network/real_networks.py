@@ -49,9 +49,11 @@ def main() -> None:
     print(f"\nThe wire cut for 3 s: no input for {heard - silent:.2f} s.")
 
 
-def _row(name: str, found: Statistics) -> None:
-    delay, age = (", ".join(f"{1e3 * v:.1f}" for v in pair) for pair in (found.delay, found.age))
-    print(f"| {name} | {found.sent} | {found.loss:.2%} | {delay} | {age} |", flush=True)
+def _row(name: str, statistics: Statistics) -> None:
+    delay, age = (
+        ", ".join(f"{1e3 * v:.1f}" for v in pair) for pair in (statistics.delay, statistics.age)
+    )
+    print(f"| {name} | {statistics.sent} | {statistics.loss:.2%} | {delay} | {age} |", flush=True)
 
 
 if __name__ == "__main__":

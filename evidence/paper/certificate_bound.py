@@ -121,12 +121,12 @@ class Pair:
     def used(self, rng: np.random.Generator, horizon: float, greedy: bool, count: int) -> Array:
         """The largest share of the bound that each trajectory uses; of those that have one."""
         x, chosen = self.states(rng, count), rng.integers(len(self.corners[0]), size=count)
-        held = (self.corners[0][chosen] * rng.uniform(0, 1, (count, 1))).T
-        value, rate, disturbance, bend, bounded = np.array(self.bound(x, held, horizon))
+        inputs = (self.corners[0][chosen] * rng.uniform(0, 1, (count, 1))).T
+        value, rate, disturbance, bend, bounded = np.array(self.bound(x, inputs, horizon))
         largest, dt = np.full(count, -np.inf), horizon / STEPS
         for k in range(STEPS):
             pull, force = (np.array(a) for a in self.pull(x, horizon - k * dt))
-            u = np.vstack([held, self._others(rng, force[len(held) :], greedy)])
+            u = np.vstack([inputs, self._others(rng, force[len(inputs) :], greedy)])
             phi = self._disturbances(rng, pull, greedy)
             x = np.array(self.step(x, u, phi, dt))
             t = dt * (k + 1)

@@ -110,9 +110,9 @@ def margins_of(recording: Recording) -> Array:
     return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in terms_of])
 
 
-def _formula(found: Formula) -> str:
-    how = "proven" if found.proven else "at least: some constants are sampled"
-    return f"{found.corrected:.0f} ({how})"
+def _formula(formula: Formula) -> str:
+    how = "proven" if formula.proven else "at least: some constants are sampled"
+    return f"{formula.corrected:.0f} ({how})"
 
 
 def _local(margins: Array) -> str:

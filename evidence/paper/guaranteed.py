@@ -46,11 +46,11 @@ def line(title: str, runs: list[Summary]) -> str:
     """One line of the table."""
     outcomes = Counter(str(run.outcome) for run in runs)
     verdicts = ", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items()))
-    held = sum(not any(a.failed for a in run.theorem) for run in runs)
+    sufficient = sum(not any(a.failed for a in run.theorem) for run in runs)
     shortest = min(run.certificates.shortest or 0.0 for run in runs)
     worst = sorted(run.largest_h_tot for run in runs)
     return (
-        f"| {title} | {verdicts} | {held} of {len(runs)} | {shortest:.2f} "
+        f"| {title} | {verdicts} | {sufficient} of {len(runs)} | {shortest:.2f} "
         f"| {worst[0]:.2f} to {worst[-1]:.2f} | {spread(runs, with_empty_set)} |"
     )
 

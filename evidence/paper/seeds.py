@@ -76,8 +76,8 @@ def command(name: str, variants: Mapping[str, Variant], page: Callable[[Results]
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool:
         running = [pool.submit(keep, path, variants[v], seed) for path, v, seed in missing]
-        done = as_completed(running)
-        for future in track(done, "running", len(running), console=Console(stderr=True)):
+        completed = as_completed(running)
+        for future in track(completed, "running", len(running), console=Console(stderr=True)):
             future.result()
     options.out.write_text(
         page(read_results(folder, variants, range(options.seeds))), encoding="utf-8"
@@ -91,9 +91,9 @@ def path_of(folder: Path, variant: str, seed: int) -> Path:
 
 def keep(path: Path, variant: Variant, seed: int) -> None:
     """Run one seed of a variant and keep its result."""
-    found = result(variant.scenario, variant.overrides, seed)
+    outcome = result(variant.scenario, variant.overrides, seed)
     unfinished = path.with_suffix(".part")
-    unfinished.write_bytes(msgspec.json.encode(found))
+    unfinished.write_bytes(msgspec.json.encode(outcome))
     unfinished.rename(path)
 
 

@@ -97,12 +97,12 @@ def rows_with(model: str) -> tuple[str, str]:
     return f"safety.information={model}", f"safety.composition={composition}"
 
 
-def words(found: Certificates) -> str:
+def words(results: Certificates) -> str:
     """A cell of the table."""
-    if not found.certified:
+    if not results.certified:
         return "nothing certified"
-    counts = f"{found.false} of {found.certified} false"
-    return f"{found.worst:.3f} ({counts}{f', {found.short} above η' if found.short else ''})"
+    counts = f"{results.false} of {results.certified} false"
+    return f"{results.worst:.3f} ({counts}{f', {results.short} above η' if results.short else ''})"
 
 
 def certificates(recording: Recording) -> Certificates:

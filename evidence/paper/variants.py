@@ -103,11 +103,11 @@ def measure(run: phalanx.Run) -> Measured:
     swarm = build_swarm(recording.scenario)
     steps = sum(summary.origins.values())
     normal = {swarm.names[i] for i in swarm.normal}
-    one = recording.scenario.safety.centralised
+    centralised = recording.scenario.safety.centralised
     times: dict[tuple[float, str], float] = defaultdict(float)
     for step in recording.steps:
         if step.agent in normal:
-            times[step.t, CONTROLLER if one else step.agent] += step.solve_time
+            times[step.t, CONTROLLER if centralised else step.agent] += step.solve_time
     solve, slowest = np.percentile(list(times.values()), [50, 99]).tolist()
     backup = sum(summary.origins[o] for o in EMPTY) / steps
     worst, price = summary.largest_h_tot, cost(recording, swarm)
@@ -127,8 +127,8 @@ def cost(recording: Recording, swarm: Swarm) -> float:
     return float(np.mean(costs))
 
 
-def _synchronous(scenario: Scenario, wanted: bool) -> list[str]:
-    if not wanted:
+def _synchronous(scenario: Scenario, synchronous: bool) -> list[str]:
+    if not synchronous:
         return []
     return [f"agents.{g}.clock.jitter=0.0" for g in range(len(scenario.agents))]
 

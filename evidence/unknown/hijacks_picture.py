@@ -27,16 +27,16 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("picture", type=Path)
-    asked = arguments.parse_args()
-    cases = [case for case in CASES if (asked.folder / case.scenario).exists()]
+    options = arguments.parse_args()
+    cases = [case for case in CASES if (options.folder / case.scenario).exists()]
     figure, panels = plt.subplots(
         1, len(cases), figsize=(2.6 * len(cases), 3.0), layout="constrained", sharey=True
     )
     for case, axes in zip(cases, panels, strict=True):
-        draw(axes, case, Store(asked.folder / case.scenario).frame())
+        draw(axes, case, Store(options.folder / case.scenario).frame())
     panels[0].set_ylabel("share of runs safe")
     panels[-1].legend(fontsize=7, loc="lower right")
-    figure.savefig(asked.picture, dpi=110)
+    figure.savefig(options.picture, dpi=110)
 
 
 def draw(axes: Any, case: Case, rows: pl.DataFrame) -> None:

@@ -100,32 +100,32 @@ def main() -> None:
     arguments.add_argument("--attacks", nargs="*", type=int, help="places; by default all")
     arguments.add_argument("--unproved", action="store_true", help="without safety.prove alone")
     arguments.add_argument("--table", action="store_true")
-    asked = arguments.parse_args()
+    options = arguments.parse_args()
     for case in CASES:
-        if asked.only in (None, case.scenario):
-            folder = asked.out / case.scenario
-            if not asked.table:
-                run(case, folder, asked)
+        if options.only in (None, case.scenario):
+            folder = options.out / case.scenario
+            if not options.table:
+                run(case, folder, options)
             elif folder.exists():
                 print_tables(case, Store(folder).frame())
 
 
-def run(case: Case, folder: Path, asked: argparse.Namespace) -> None:
+def run(case: Case, folder: Path, options: argparse.Namespace) -> None:
     """Run what is missing of a scenario's study."""
     attacks = [faults for _, faults in case.attacks()]
-    chosen = attacks if asked.attacks is None else [attacks[place] for place in asked.attacks]
+    chosen = attacks if options.attacks is None else [attacks[place] for place in options.attacks]
     points = [
         point
         for point in case.points()
-        if point["faults"] in chosen and not (asked.unproved and point["safety.prove"])
+        if point["faults"] in chosen and not (options.unproved and point["safety.prove"])
     ]
     phalanx.study(
         case.scenario,
-        seeds=asked.seeds,
+        seeds=options.seeds,
         points=points,
         overrides={"duration": case.duration},
         out=folder,
-        workers=asked.workers,
+        workers=options.workers,
         confirm=0.0,
         progress=True,
     )

@@ -49,14 +49,14 @@ def _flown_again(run: phalanx.Run) -> Iterator[Flight]:
     """Yield flights with the inputs of a run, by drones that do not filter their thrust."""
     swarm = swarm_of(run.recording)
     for i, steps in enumerate(steps_by_agent(run.recording).values()):
-        held = sorted((step for step in steps if step.t_apply > 0.0), key=lambda s: s.t_apply)
+        applied = sorted((step for step in steps if step.t_apply > 0.0), key=lambda s: s.t_apply)
         dynamics = swarm.members[i].dynamics
         assert isinstance(dynamics, IdentifiedQuadrotor)
         start = swarm.start()[swarm.safe_set.parts[i]][:9]
         world = construct(World, dict(run.scenario.world or {}))
         world.begin([WorldAgent("one", _quadrotor(dynamics), start)], 0, 1e-3)
-        times = np.array([0.0, *(step.t_apply for step in held), swarm.scenario.duration])
-        inputs = np.array([np.zeros(3), *(step.u for step in held)])
+        times = np.array([0.0, *(step.t_apply for step in applied), swarm.scenario.duration])
+        inputs = np.array([np.zeros(3), *(step.u for step in applied)])
         keep = np.diff(times) > 0.0
         times, inputs = np.append(times[:-1][keep], times[-1]), inputs[keep]
         x = [start]

@@ -114,5 +114,5 @@ def draw_disturbances(run: phalanx.Run, axes: Any) -> None:
     """Draw the disturbances that explain each agent's motion."""
     swarm = swarm_of(run.recording)
     explained = disturbances_of(run.recording, swarm)
-    for name, found in zip(swarm.names, explained, strict=True):
-        axes.plot(found.t, found.size, linewidth=0.8, label=name)
+    for name, explanation in zip(swarm.names, explained, strict=True):
+        axes.plot(explanation.t, explanation.size, linewidth=0.8, label=name)

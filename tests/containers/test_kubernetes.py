@@ -99,7 +99,7 @@ def test_every_pod_fits_the_restricted_profile(job: str) -> None:
         assert not any("hostPort" in port for port in container.get("ports", []))
 
 
-def test_nobody_of_the_run_reaches_anything_but_the_plant() -> None:
+def test_pods_of_the_run_reach_the_plant_alone() -> None:
     """And names of the cluster; an agent does not reach the viewer's page."""
     pods = {"plant", "agent", "viewer"}
     allowed: dict[tuple[str, str], set[str]] = {}

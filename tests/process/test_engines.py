@@ -197,7 +197,7 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     assert verification, verification.difference
 
 
-def test_commands_take_effect_alike_on_both_engines() -> None:
+def test_commands_have_the_same_effect_on_both_engines() -> None:
     scenario = phalanx.load("unicycles", {"duration": 1.0})
     kinds = phalanx.CommandKind
     schedule = (

@@ -62,7 +62,7 @@ def test_the_log_says_when_who_lied_first(tmp_path):
 
 @pytest.mark.parametrize("information", ["split", "worst-case"])
 @pytest.mark.parametrize("name", FALSE)
-def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
+def test_an_agent_without_received_inputs_is_not_moved_by_a_lie(information, name, tmp_path):
     believing = believes(information)
     lied_to = run(name, tmp_path / "lie", **believing).summary
     honest = run(name, tmp_path / "truth", **believing, faults=[]).summary
@@ -108,7 +108,9 @@ def test_worst_case_alone_keeps_off_a_member_that_lies_and_attacks(tmp_path):
 
 
 @pytest.mark.parametrize("information", ["paper", "in-flight", "split"])
-def test_a_guarantee_beside_a_liar_is_confirmed_by_who_hears_no_broadcast(information, tmp_path):
+def test_a_guarantee_despite_a_liar_is_confirmed_by_a_judge_without_broadcasts(
+    information, tmp_path
+):
     """The checker is given states and applied inputs alone."""
     lied_to = run("input", tmp_path, **believes(information))
     assert lied_to.verdict is phalanx.Outcome.GUARANTEED

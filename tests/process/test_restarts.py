@@ -28,7 +28,7 @@ def killed_and_restarted(name: str) -> phalanx.CommandPolicy:
 
 
 @pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS)
-def test_an_agent_killed_and_restarted_goes_on_alike_on_both_engines(overrides: dict) -> None:
+def test_an_agent_killed_and_restarted_goes_on_equally_on_both_engines(overrides: dict) -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION, **overrides})
     policy = killed_and_restarted("1")
     run, _ = on_both_engines(scenario, commands=policy)

@@ -64,7 +64,7 @@ def phalanx(options: dict, *words: object, status: int = 0) -> subprocess.Comple
     return ended
 
 
-def test_the_command_runs_beside_files_named_like_its_programs(elsewhere: dict) -> None:
+def test_the_command_runs_next_to_files_named_like_its_programs(elsewhere: dict) -> None:
     done = phalanx(elsewhere, "run", "unicycles", "--set", "duration=0.5")
     assert "guaranteed:" in done.stdout
     assert (elsewhere["cwd"] / "runs" / "unicycles-1" / "report.html").is_file()

@@ -518,7 +518,7 @@ def test_a_box_in_parts_holds_all_of_a_motion_and_all_of_its_rates():
 
 
 def test_a_box_in_parts_holds_what_a_disturbance_moves_in_all_of_them():
-    """At rest, with φ at its bound all the time, it is 1 m away at the end."""
+    """An agent at rest, with φ at its bound all the time, is 1 m away at the end."""
     motion = GroupMotion(
         small_scenario(SINGLE, [[0.0, 0.0]], bound=1.0, obstacles=FAR).agents[0], 0.0
     )

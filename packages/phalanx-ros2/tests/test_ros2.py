@@ -170,7 +170,7 @@ def test_the_swarm_is_drawn_and_what_stands_still_comes_again_for_the_late(heard
     assert [m.text for m in listener.markers()[-1].markers if m.ns == "name"] == list(names)
 
 
-def test_the_verdict_is_the_last_that_is_told(heard):
+def test_the_verdict_is_the_last_message(heard):
     folder, listener = heard
     summary = json.loads((folder / "summary.json").read_text())
     statuses = [message.status[0].message for message in listener.diagnostics()]

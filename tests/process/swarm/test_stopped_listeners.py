@@ -75,7 +75,7 @@ def listener(program: str, *arguments: str):
         started.wait()
 
 
-def test_what_may_be_dropped_waits_for_nobody():
+def test_messages_that_may_be_dropped_wait_for_no_listener():
     """A broadcast in real time, where a peer may stop reading."""
     with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint, "frame"):
         broadcasts = Addressed(hub, Delivery.NOTICE)
@@ -86,7 +86,7 @@ def test_what_may_be_dropped_waits_for_nobody():
 
 
 @pytest.mark.parametrize("key", [KEYS.frames, KEYS.copy(KEYS.sample("1"))])
-def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
+def test_a_hub_closes_at_once_despite_a_stopped_listener(key: str):
     """Otherwise a thread that serves all connections blocks for ten seconds at the close."""
     endpoint = free_endpoint()
     hub = open_hub(endpoint)
@@ -108,7 +108,7 @@ def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
 
 @pytest.mark.parametrize("real_time", [None, 1.0], ids=["lockstep", "real time"])
 @pytest.mark.parametrize("readers", [(TAP,), (TAP, TAP, VIEWER)], ids=["one", "three"])
-def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_path: Path):
+def test_a_run_goes_on_while_readers_are_stopped(readers, real_time, tmp_path: Path):
     """They are still connected: no program has to wait until the hub closes their connections."""
     scenario = load("unicycles", ["duration=500.0"])
     with contextlib.ExitStack() as stack:

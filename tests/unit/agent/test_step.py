@@ -64,7 +64,7 @@ def test_an_input_that_no_actuator_of_its_sender_takes_does_not_count(compositio
 
 
 @pytest.mark.parametrize("k", [0, 1, 37])
-def test_whoever_takes_over_from_a_dead_agent_joins_at_any_sample(step: ControlStep, k: int):
+def test_a_successor_of_a_dead_agent_joins_at_any_sample(step: ControlStep, k: int):
     first = step.accept_sample(sample(step, k, latest=k - 1))
     assert not step.lacks_broadcasts(first), "it waits for what was sent before its time"
     answer = step(first)
@@ -215,7 +215,7 @@ def test_a_state_that_no_world_has_is_refused(step: ControlStep, number: float, 
         ({"u": (1.0, 0.0, 0.0)}, "wrong size"),
     ],
 )
-def test_a_broadcast_that_nobody_can_have_sent_is_refused(
+def test_a_broadcast_without_a_possible_sender_is_refused(
     step: ControlStep, changes: dict[str, object], reason: str
 ):
     sender = step.swarm.names[step.swarm.heard_by(step.i)[0]]
@@ -227,6 +227,6 @@ def test_a_broadcast_that_nobody_can_have_sent_is_refused(
         step.accept_broadcast(sender, good)
 
 
-def test_a_broadcast_of_nobody_that_it_listens_to_is_refused(step: ControlStep):
+def test_its_own_broadcast_is_refused(step: ControlStep):
     with pytest.raises(Malformed, match="unknown sender"):
         step.accept_broadcast(step.name, Broadcast(k=0, t_apply=0.0, u=(1.0, 0.0)))

@@ -13,7 +13,7 @@ from phalanx.cli.app import USAGE_ERROR, core, extended, status
 from phalanx.launcher import libraries
 
 
-def test_version_is_told(capsys):
+def test_version_is_printed(capsys):
     assert status(["--version"]) == 0
     assert capsys.readouterr().out == f"phalanx {phalanx.__version__}\n"
 

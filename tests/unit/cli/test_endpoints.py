@@ -69,7 +69,7 @@ def test_an_agent_is_one_of_the_scenarios(who, capsys) -> None:
     assert "expected one of 1, 2, got" in " ".join(capsys.readouterr().err.split())
 
 
-def test_the_folder_of_a_certificate_says_where_to_connect_unless_somebody_does(
+def test_the_folder_of_a_certificate_says_where_to_connect_unless_an_option_does(
     tmp_path: Path, capsys
 ) -> None:
     keys = tmp_path / "keys"

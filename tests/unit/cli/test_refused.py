@@ -177,7 +177,7 @@ def test_a_recording_is_not_written_over_by_what_is_made_of_it(
 
 
 @pytest.mark.slow
-def test_a_full_disk_behind_what_is_printed_is_told_in_a_line():
+def test_a_full_disk_under_the_output_is_reported_in_a_line():
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "phalanx", "scenarios"]
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)

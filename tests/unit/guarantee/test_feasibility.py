@@ -28,7 +28,7 @@ def test_both_answers_come_up_among_them():
     assert not start._solvable(cube, Rows(np.eye(3), np.full(3, -1.5)))
 
 
-def test_an_agent_that_sees_nobody_may_apply_anything():
+def test_an_agent_that_sees_no_other_may_apply_any_input():
     far = {"agents.0.start": [[0.0, 0.0], [900.0, 0.0]], "agents.0.names": ["1", "3"]}
     alone = {**far, "safety.composition": "pairs", "safety.neighbourhood": 5.0}
     scenario = load("one-on-one", {**alone, "agents.1.start": [[0.0, 500.0]]})

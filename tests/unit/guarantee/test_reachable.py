@@ -20,7 +20,7 @@ LARGE = ("agents.0.count=42", "agents.1.count=6")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["swarm", "swarm2d", "unicycles", "pinned"])
-def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(name, rng):
+def test_pairs_left_out_are_certified_for_as_long_as_any_certificate_lasts(name, rng):
     swarm = swarm_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
     certificates = SwarmCertificates(swarm)
     around = ReachableBoxes(swarm, swarm.safety.safe_set_function)
@@ -46,7 +46,7 @@ def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(n
 
 @pytest.mark.slow
 @pytest.mark.parametrize("function", ["ShortSighted", "Reaches"])
-def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
+def test_the_reach_of_a_users_function_leaves_no_agent_out(function):
     radius = ", radius = 1.0" if function == "ShortSighted" else ""
     own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
     swarm = swarm_of_scenario("swarm2d", own)
@@ -99,7 +99,7 @@ def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_
         assert near.tolist() == [met]
 
 
-def test_boxes_that_are_too_old_are_made_anew():
+def test_boxes_that_are_too_old_are_made_again():
     swarm, others = three_on_a_line_and_a_sphere(), np.array([0])
     boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     assert not boxes.near(2, others, 0.0, swarm.start())

@@ -112,5 +112,7 @@ def test_a_formation_at_no_place_is_refused(place: str):
         (CertificateSummary(3, 3, 1.0, "1-2", None), "3 of 3 inputs"),
     ],
 )
-def test_figures_that_do_not_belong_together_are_still_told(figures: CertificateSummary, said: str):
+def test_figures_that_do_not_belong_together_are_still_printed(
+    figures: CertificateSummary, said: str
+):
     assert said in certified(msgspec.structs.replace(SUMMARY, certificates=figures))

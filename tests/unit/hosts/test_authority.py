@@ -9,7 +9,7 @@ from phalanx.hosts.authority import make_identities
 from phalanx.messages.keys import PLANT
 
 
-def test_nobody_but_their_owner_can_read_keys_or_look_into_their_folders(tmp_path: Path) -> None:
+def test_only_their_owner_can_read_keys_or_look_into_their_folders(tmp_path: Path) -> None:
     before = os.umask(0)
     try:
         make_identities(tmp_path / "keys", [PLANT, "1"], [], datetime.timedelta(days=1))

@@ -98,7 +98,7 @@ def test_a_viewer_may_command_where_no_certificate_tells_it_from_an_operator(
 
 
 @pytest.mark.parametrize("name", ["4", VIEWER, OPERATOR])
-def test_everybody_may_see_whether_the_plant_lives(name: str) -> None:
+def test_any_program_may_see_whether_the_plant_lives(name: str) -> None:
     plant = KEYS.alive(PLANT)
     assert may(RULES, name, "ingress", "declare_liveliness_subscriber", plant)
     assert may(RULES, name, "ingress", "liveliness_query", plant)
@@ -106,7 +106,7 @@ def test_everybody_may_see_whether_the_plant_lives(name: str) -> None:
     assert not may(RULES, name, "ingress", "liveliness_token", plant), "nor pass for it"
 
 
-def test_nobody_comes_in_as_the_plant_where_that_is_the_hub_itself():
+def test_no_program_comes_in_as_the_plant_where_that_is_the_hub_itself():
     assert PLANT not in {subject["id"] for subject in RULES["subjects"]}
     shared = access_control(KEYS, {"4": ("4",)}, NAMES, with_plant=True)
     assert may(shared, PLANT, "ingress", "put", KEYS.sample("4"))

@@ -29,7 +29,7 @@ def run(scenario, make_folder, options):
 
 
 @pytest.mark.slow
-def test_an_engine_that_nobody_knows_is_refused_with_those_that_there_are(
+def test_an_unknown_engine_is_refused_with_a_list_of_engines(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     expected = "expected 'processes' or 'in-process', got 'warp'"

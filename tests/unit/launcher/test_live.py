@@ -29,7 +29,7 @@ def no_umask() -> Iterator[None]:
     os.umask(before)
 
 
-def test_nobody_else_can_read_it_from_its_creation_on(tmp_path: Path, no_umask: None) -> None:
+def test_no_other_user_can_read_it_from_its_creation_on(tmp_path: Path, no_umask: None) -> None:
     """Its mode is right, and was never another: nothing has changed it."""
     libc = ctypes.CDLL(None)
     watching = libc.inotify_init1(os.O_NONBLOCK)
@@ -43,7 +43,7 @@ def test_nobody_else_can_read_it_from_its_creation_on(tmp_path: Path, no_umask: 
     assert (what, EVENT.size + length) == (IN_CREATE, len(happened)), "created, and no more"
 
 
-def test_it_is_not_written_into_a_file_that_somebody_else_put_there(tmp_path: Path) -> None:
+def test_it_is_not_written_into_a_file_that_another_user_put_there(tmp_path: Path) -> None:
     (tmp_path / LIVE).touch(0o666)
     with pytest.raises(EngineError, match=LIVE), announced(tmp_path, OURS):
         pass

@@ -48,7 +48,7 @@ def test_stepped_or_in_strides_it_has_the_bits_of_a_run():
     assert a.summary.wall_time > 0.0
 
 
-def test_an_agent_that_starts_anew_has_received_nothing_yet():
+def test_an_agent_that_starts_again_has_received_nothing_yet():
     agents = DirectAgents(rows_of_scenario("unicycles"), lambda _: None)
     agents.steps[2].inbox.put(1, Broadcast(k=0, t_apply=0.0, u=(1.0, 0.0)))
     agents.steps[2].inbox.advance({1: (0, 0)}, 0.01)

@@ -85,7 +85,7 @@ def test_a_run_that_is_shorter_differs(twins):
         (-5e-324, 5e-324, 2),
     ],
 )
-def test_two_numbers_are_told_apart_by_the_steps_of_float64_between_them(twins, old, new, apart):
+def test_two_numbers_differ_by_the_steps_of_float64_between_them(twins, old, new, apart):
     first, second = twins
     first.states[0].h_tot, second.states[0].h_tot = old, new
     assert first_difference(first, second).endswith(f"({apart} steps of float64 apart)")

@@ -34,7 +34,7 @@ def test_a_controller_gets_the_keys_of_those_that_it_decides_for():
 
 
 @pytest.mark.parametrize("name", ["1", VIEWER, SHARED])
-def test_what_one_shows_at_the_door_is_no_key(name):
+def test_the_proof_shown_to_join_is_no_key(name):
     assert bytes.fromhex(ROOT.password_of(name)) != ROOT.key_of(name)[:16]
 
 
@@ -49,7 +49,7 @@ def test_an_agent_cannot_seal_what_passes_between_another_and_the_plant():
         ROOT.sealer.open(key, payload, Actuation)
 
 
-def test_those_at_the_ends_of_a_link_can_read_a_broadcast_and_nobody_else_can_make_it():
+def test_both_ends_of_a_link_can_read_a_broadcast_and_no_other_can_make_it():
     key, said = KEYS.broadcast("4", "5"), Broadcast(k=0, t_apply=0.0, u=(1.0,))
     sender, receiver, other = (ROOT.of(name, (name,), NAMES) for name in "456")
     assert receiver.sealer.open(key, sender.sealer.seal(key, said), Broadcast) == said
@@ -75,6 +75,6 @@ def test_another_secret_makes_other_keys(seal_under_other_secret):
     ["", "**", "phalanx/**", "phalanx/r/**", "phalanx/r/*/*", "phalanx/r/actuation/*", "x/r/a/1",
      "phalanx/r/actuation", "phalanx/r/alive/1/d/e", "phalanx/*/actuation/1", "phalanx/r/act$*/1"],
 )  # fmt: skip
-def test_what_is_no_key_of_a_run_names_nobody(key):
+def test_a_key_of_no_run_names_no_program(key):
     assert kind_and_name(key) == ("", "")
     assert owner(key) == SHARED

@@ -174,7 +174,7 @@ def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
     assert numbers[-1] == 59
 
 
-def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
+def test_each_fate_is_reported_once_with_its_delay_and_a_negative_one_for_a_loss():
     inbox = inbox_of(LOSSY, senders=2)
     links = [Link(0, f"s{s}", "me", LOSSY) for s in (0, 1)]
     for s in (0, 1):
@@ -244,7 +244,7 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
     assert not inbox.put(0, broadcast(2))
 
 
-def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_out_of_sight():
+def test_a_new_contact_between_two_samples_ends_the_old_one_though_no_agent_was_out_of_sight():
     slow = model(delay=0.03)
     inbox = inbox_of(slow)
     inbox.put(0, broadcast(0))

@@ -204,7 +204,7 @@ def test_what_changes_on_one_link_changes_nothing_on_another():
     assert {e for e in ends if before[e] != after[e]} == {("a", "b")}
 
 
-def test_effects_are_told_by_the_number_of_the_rule():
+def test_effects_are_counted_by_the_number_of_the_rule():
     link = Link(0, "a", "b", model(loss=0.5, duplicate=0.5, delay=0.01))
     for k in range(500):
         delivery = link.fate(k)

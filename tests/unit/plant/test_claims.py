@@ -78,7 +78,7 @@ def test_an_input_that_was_held_late_or_never_makes_its_broadcast_false(held_fro
     assert not checked.faults
 
 
-def test_an_adversary_accuses_nobody():
+def test_an_adversary_accuses_no_one():
     checked = claims()
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
     assert checked.check(0, DeliveryReport(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()

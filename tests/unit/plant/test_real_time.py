@@ -143,7 +143,7 @@ def test_the_factor_says_how_fast_virtual_time_goes(run) -> None:
     assert summary.wall_time == pytest.approx(0.2 / 10.0, rel=0.01)
 
 
-def test_commands_take_effect_at_their_times_and_those_who_are_lost_are_told(run) -> None:
+def test_commands_take_effect_at_their_times_and_lost_agents_are_reported(run) -> None:
     agents = OnTheWall(lambda i, k: 1e-4)
     agents.changes = [(0.1, 1, False), (0.15, 1, True)]
     summary, recording = run(agents, Command(0.05, CommandKind.FREEZE, "1"))

@@ -73,7 +73,7 @@ def test_a_call_that_raises_is_counted_and_raises(work: Work):
     assert stopwatch.spent("plant").phases == {"judge": 4.0}
 
 
-def test_an_object_that_nobody_times_is_left_as_it_is(work: Work):
+def test_an_object_that_is_not_timed_is_left_as_it_is(work: Work):
     Stopwatch().time(Work(work.clock), "inner", "compute")
     assert "inner" not in vars(work)
 

@@ -51,7 +51,7 @@ def test_the_page_names_every_column_in_order(run: phalanx.Run) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
-def test_tables_of_runs_can_be_put_together_and_told_apart(name: str, tmp_path: Path) -> None:
+def test_tables_of_runs_can_be_put_together_and_separated(name: str, tmp_path: Path) -> None:
     tables = []
     for seed in (3, 4):
         (folder := tmp_path / str(seed)).mkdir()

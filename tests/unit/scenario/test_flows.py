@@ -51,7 +51,7 @@ def test_an_agent_has_as_many_neighbours_in_a_large_swarm_as_in_a_small_one(name
     )
 
 
-def test_counted_agents_are_numbered_where_nobody_has_the_number():
+def test_counted_agents_are_numbered_where_no_agent_has_the_number():
     table = {"agents.1.names": ["1", "a", "4"], "agents.1.count": None, "agents.0.count": 4}
     names = [name for name, _, _ in load("swarm", table).roster()]
     assert names == ["2", "3", "5", "6", "1", "a", "4"]

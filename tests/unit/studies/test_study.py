@@ -101,7 +101,7 @@ def test_a_scenario_whose_file_ends_like_a_plans_is_a_scenario(tmp_path):
         study(file, overrides={"network.los": 0.0})
 
 
-def test_faults_that_vary_are_told_from_those_that_had_an_effect(tmp_path):
+def test_faults_that_vary_are_distinct_from_those_that_had_an_effect(tmp_path):
     kill = [{"kind": "kill", "agents": ["1"], "at": 0.5}]
     plan = plan_from({"scenario": "unicycles", "vary": {"faults": [[], kill]}})
     faulty = studied(tmp_path, plan, {0: "safe", 1: "safe"}, faults="faults.0 (kill)")

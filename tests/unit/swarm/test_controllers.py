@@ -179,7 +179,7 @@ def test_a_controller_is_for_normal_agents_under_distributed_control():
 
 
 @pytest.mark.slow
-def test_a_controller_with_a_state_begins_anew_in_every_run():
+def test_a_controller_with_a_state_begins_again_in_every_run():
     kept = {"type": "keeping:Held", "keep": 0.9}
     first, second = (run(kept, "unicycles").summary.trajectory for _ in range(2))
     assert first == second

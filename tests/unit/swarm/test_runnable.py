@@ -91,6 +91,6 @@ def test_an_h_that_is_not_finite_is_found_in_the_last_of_all_pairs(many):
     assert pair in refused(many("safety.function={ type = 'many_own:Touchy' }"))
 
 
-def test_what_does_not_fit_is_found_in_an_agent_that_nobody_sees(many):
+def test_a_misfit_is_found_in_an_agent_out_of_sight(many):
     own = "agents.1.dynamics={ type = 'many_own:Tiring', speed = 1.0 }"
     assert "input bounds of far that do not depend on its state" in refused(many(own))

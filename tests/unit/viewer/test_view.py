@@ -111,7 +111,7 @@ def test_a_point_pulls_a_camera_no_farther_than_its_leash() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(DIRECTIONS))
-def test_a_camera_looks_at_what_is_right_ahead_and_at_nothing_beside_it(name: str) -> None:
+def test_a_camera_looks_at_points_right_ahead_and_at_no_others(name: str) -> None:
     view = camera(name, 1.5).moved(np.array([3.0, -2.0, 1.0]), 40.0)
     right, up, forward = view.axes
     x, y, z, w = Rotation.from_matrix(np.column_stack([right, -up, forward])).as_quat()

@@ -39,7 +39,7 @@ def test_before_the_first_sample_a_hub_that_comes_back_was_not_lost() -> None:
 
 
 @pytest.mark.parametrize("tokens_first", [True, False])
-def test_whoever_loses_the_router_waits_for_the_plant(presence, tokens_first: bool) -> None:
+def test_a_program_that_loses_the_router_waits_for_the_plant(presence, tokens_first: bool) -> None:
     presence.on_router("", True)
     if tokens_first:
         presence.on_plant("", False)

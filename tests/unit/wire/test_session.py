@@ -25,7 +25,7 @@ def any_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_reserved_endpoint_is_given_to_nobody_else():
+def test_a_reserved_endpoint_is_given_to_no_other_run():
     with contextlib.ExitStack() as runs:
         reserved = [port_of(runs.enter_context(reserved_endpoint())) for _ in range(MANY)]
         assert len(set(reserved)) == MANY

@@ -96,7 +96,7 @@ def test_a_function_is_right_to_a_few_units_in_the_last_place(name):
 
 
 @given(quarters=st.integers(-60_000, 60_000), ulps=st.integers(-3, 3))
-def test_sine_and_cosine_are_right_beside_their_zeros(quarters, ulps):
+def test_sine_and_cosine_are_right_next_to_their_zeros(quarters, ulps):
     x = quarters * math.pi / 2
     x += ulps * math.ulp(x)
     for name in ("sin", "cos"):

@@ -192,7 +192,7 @@ def test_a_needle_is_allowed_no_more_than_its_point_may_move():
         assert 0.5 * ACTUATION * sin <= allowance <= ACTUATION * sin
 
 
-def test_a_polytope_of_numbers_is_found_once_and_nobody_can_write_to_it():
+def test_a_polytope_of_numbers_is_found_once_and_is_read_only():
     faces = ca.SX([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     u_set = constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
     assert u_set is constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))

@@ -59,7 +59,7 @@ def test_the_native_metric_is_the_distance_of_output_inputs(theta, nu, omega):
 
 
 @given(angles, st.floats(-4, 4), st.floats(-2, 2))
-def test_both_forms_move_the_unicycle_alike_and_the_output_by_u(fields, theta, nu, omega):
+def test_both_forms_move_the_unicycle_equally_and_the_output_by_u(fields, theta, nu, omega):
     g, g_printed = fields(np.array([0.3, -0.7, theta]))
     native = np.array([nu, omega])
     u = np.linalg.inv(PRINTED.native(theta)) @ native

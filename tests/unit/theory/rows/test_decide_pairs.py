@@ -84,7 +84,7 @@ def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_
     assert decision.margin is None
 
 
-def test_the_margin_told_is_that_of_the_row_nearest_to_binding():
+def test_the_margin_reported_is_that_of_the_row_nearest_to_binding():
     rows = Rows(np.eye(2), np.array([0.9, 0.1]), np.array([7.0, 8.0]))
     decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0)))
     assert (decision.residual, decision.margin) == (-0.1, 8.0)

@@ -268,5 +268,5 @@ def test_the_compiled_part_says_what_the_package_says(inputs: int) -> None:
         assert ours.tobytes() == by_the_package(w, u_nom, A, b).tobytes()
 
 
-def test_there_is_one_compiled_part_whoever_imports_it() -> None:
+def test_there_is_one_compiled_part_for_all_imports() -> None:
     assert osqp.OSQP(algebra="builtin").ext is sys.modules["osqp.ext_builtin"]

@@ -57,7 +57,7 @@ def test_a_class_k_function_may_have_kinks_and_any_steepness(alpha):
         (lambda s: ca.sqrt(s), "α"),
     ],
 )
-def test_another_function_is_refused_and_told_where(function, expected):
+def test_another_function_is_refused_with_its_place(function, expected):
     with pytest.raises(MistakenMethodError, match=expected):
         require_class_k(Own(function))
 

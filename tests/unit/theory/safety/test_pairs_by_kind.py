@@ -71,7 +71,7 @@ def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
 
 
 @pytest.mark.parametrize("name", DEGREES)
-def test_a_pairs_bits_do_not_depend_on_what_is_evaluated_beside_it(name):
+def test_a_pairs_bits_do_not_depend_on_pairs_evaluated_with_it(name):
     composed, pairs, _ = swarm(name)
     x = np.random.default_rng(1).uniform(-3.0, 3.0, (5, composed.x.numel()))
     chosen = pairs.choose(pairs.every)
