@@ -39,9 +39,14 @@ def drain(incoming: IncomingQueue) -> list[tuple[str, bytes | bool]]:
             return messages
 
 
-def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
-    for _ in range(10 * _MOST):
+def flood(incoming: IncomingQueue, times: int = 1) -> None:
+    """Put as many payloads as may wait, so many times."""
+    for _ in range(times * _MOST):
         incoming.put_payload(KEY, b"?")
+
+
+def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
+    flood(incoming, 10)
     incoming.put_payload(OTHER, b"!")
     incoming.put_token("phalanx/r/alive/1/d", False)
     assert drain(incoming) == [
@@ -54,8 +59,7 @@ def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
 
 def test_a_flood_does_not_drown_an_answer_that_is_awaited(incoming, refusals):
     for _ in range(10):
-        for _ in range(_MOST):
-            incoming.put_payload(KEY, b"?")
+        flood(incoming)
         incoming.put_payload(KEY, ANSWER)
     assert drain(incoming).count((KEY, ANSWER)) == 10
     for _ in range(10 * _MOST):
@@ -66,8 +70,7 @@ def test_a_flood_does_not_drown_an_answer_that_is_awaited(incoming, refusals):
 
 def test_there_is_room_again_for_what_was_taken(incoming, refusals):
     for _ in range(3):
-        for _ in range(_MOST):
-            incoming.put_payload(KEY, b"?")
+        flood(incoming)
         assert len(drain(incoming)) == _MOST
     assert refusals.counts == {}
 

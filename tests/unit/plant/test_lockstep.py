@@ -12,7 +12,6 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.run import PlantRun
 from phalanx_plant.sampling.sampling import NoProcesses, Sampling
 from phalanx_plant.world.events import Event, Instant, SwarmBrokenError
 from phalanx_plant.world.world import World
@@ -20,8 +19,6 @@ from phalanx_plant.world.world import World
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
-from phalanx.recording.read import read
-from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -30,6 +27,7 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from tests.unit.plant.points import POINTS, group
 from tests.unit.plant.reports import report
+from tests.unit.plant.runs import plant_run
 from tests.unit.swarms import rows_of_scenario
 
 
@@ -72,25 +70,19 @@ def test_the_input_before_a_breakdown_is_judged_and_recorded(tmp_path: Path) -> 
     runaway["dynamics"]["type"] = f"{__name__}:Runaway"
     obstacle = {"center": [0.0, 0.0], "clearance": 0.1}
     scenario = load({**POINTS, "obstacles": [obstacle], "agents": [runaway]})
-    coasting, file = Coasting(), tmp_path / "runaway.mcap"
-    with RecordingWriter(file, scenario, "runaway") as recording:
-        rows, commands = build_rows(build_swarm(scenario)), CommandQueue(NO_COMMANDS, ("1",))
-        summary = PlantRun(rows, coasting, recording, commands, Lockstep).run()
-        recording.finish(summary)
+    coasting = Coasting()
+    summary, recording = plant_run(build_rows(build_swarm(scenario)), coasting, tmp_path)
     assert summary.outcome is Outcome.BROKEN
-    assert summary.steps == len(read(file).steps) == coasting.asked > 1
+    assert summary.steps == len(recording.steps) == coasting.asked > 1
 
 
 def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_effect(
     tmp_path: Path,
 ) -> None:
     rows = rows_of_scenario("one-on-one", "duration=0.2", "time.latency=0.004")
-    swarm, agents = rows.swarm, Coasting()
-    name = swarm.names[0]
+    name, agents = rows.swarm.names[0], Coasting()
     schedule = (Command(0.101, CommandKind.FREEZE, name), Command(0.102, CommandKind.THAW, name))
-    with RecordingWriter(tmp_path / "thaw.mcap", swarm.scenario, "thaw") as recording:
-        commands = CommandQueue(CommandPolicy(schedule=schedule), swarm.names)
-        summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
+    summary, _ = plant_run(rows, agents, tmp_path, CommandPolicy(schedule=schedule))
     assert summary.outcome is not Outcome.BROKEN
     assert summary.steps == agents.asked
 
@@ -111,13 +103,9 @@ def test_a_report_that_never_comes_is_why_the_run_broke_and_shifts_no_other_cert
     rows = rows_of_scenario("unicycles", "duration=0.3")
     certified, reasons = [], []
     for agents in (Coasting(), Silenced()):
-        file = tmp_path / f"{type(agents).__name__}.mcap"
-        with RecordingWriter(file, rows.swarm.scenario, "run") as recording:
-            commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
-            summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
-            recording.finish(summary)
+        summary, recording = plant_run(rows, agents, tmp_path)
         reasons.append(summary.reason)
-        certified.append({(step.agent, step.k): step.certified for step in read(file).steps})
+        certified.append({(step.agent, step.k): step.certified for step in recording.steps})
     whole, broken = certified
     assert reasons[1] == "agent 1 died: see its log"
     assert ("1", 3) in whole.keys() - broken.keys()
@@ -150,11 +138,7 @@ class Slow(Coasting):
 
 def run_of(agents: Slow, folder: Path, *overrides: str) -> Summary:
     rows = rows_of_scenario("unicycles", "duration=0.3", *overrides)
-    commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
-    with RecordingWriter(
-        folder / f"{len(overrides)}.mcap", rows.swarm.scenario, "run"
-    ) as recording:
-        return PlantRun(rows, agents, recording, commands, CONCURRENT).run()
+    return plant_run(rows, agents, folder, clock=CONCURRENT)[0]
 
 
 @pytest.mark.slow

@@ -16,9 +16,9 @@ from phalanx.launcher.engine import silent
 from phalanx.launcher.simulation import DirectAgents
 from phalanx.messages.frames import Frame
 from phalanx.messages.kinds import Status
-from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.runnable import compile_rows
 from phalanx.theory.arrays import Array
+from tests.unit.plant.runs import plant_run
 from tests.unit.swarms import rows_of_scenario
 
 
@@ -55,13 +55,10 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
         Command(t=t, kind=kind, agent="4")
         for kind, t in ((CommandKind.FREEZE, 0.5), (CommandKind.THAW, 1.0))
     )
-    commands = CommandQueue(CommandPolicy(schedule=schedule), rows.swarm.names)
-    audience = Audience()
-    with RecordingWriter(tmp_path / "recording.mcap", rows.swarm.scenario, "run") as recording:
-        agents = agents_of(rows, silent)
-        summary = PlantRun(rows, agents, recording, commands, Lockstep, audience).run()
-        recording.finish(summary)
-    replay = open_replay(tmp_path)
+    agents, audience = agents_of(rows, silent), Audience()
+    policy = CommandPolicy(schedule=schedule)
+    _, recording = plant_run(rows, agents, tmp_path, policy, audience=audience)
+    replay = open_replay(recording.path)
     assert len(audience.frames) > 100
     for frame in audience.frames:
         again = replay.frame(frame.t)

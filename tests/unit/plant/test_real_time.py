@@ -7,17 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from phalanx_certify.checker.certify import certify
-from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.real_time import RealTime
-from phalanx_plant.run import PlantRun
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
-from phalanx.recording.read import Recording, read
-from phalanx.recording.write import RecordingWriter
+from phalanx.recording.read import Recording
 from phalanx.theory.arrays import Array
 from tests.unit.plant.reports import report
+from tests.unit.plant.runs import plant_run
 from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004
@@ -78,12 +76,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(time, "monotonic", lambda: agents.wall)
         overrides = (f"duration={duration}", f"time.latency={LATENCY}", *STILL)
         rows = rows_of_scenario("one-on-one", *overrides)
-        queue = CommandQueue(CommandPolicy(commands, speed=factor), rows.swarm.names)
-        with RecordingWriter(tmp_path / "run.mcap", rows.swarm.scenario, "run") as recording:
-            plant = PlantRun(rows, agents, recording, queue, RealTime)
-            summary = plant.run()
-            recording.finish(summary)
-        return summary, read(tmp_path / "run.mcap")
+        policy = CommandPolicy(commands, speed=factor)
+        return plant_run(rows, agents, tmp_path, policy, RealTime)
 
     return start
 

@@ -59,6 +59,7 @@ def test_so_has_one_with_commands_and_convictions(tmp_path: Path):
 
 def test_other_inputs_or_no_verdict_are_refused(tmp_path: Path):
     recording, summary = recorded("one-on-one", tmp_path, duration=0.1)
+    assert phalanx.open(tmp_path).judge_again().trajectory == summary.trajectory
     forged = [replace(step, u=tuple(0.5 * v for v in step.u)) for step in recording.steps]
     for other, why in (
         ({"steps": forged}, "another trajectory"),
