@@ -9,19 +9,21 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING
 
 import msgspec
 import viser
 import zstandard
+from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.page import Page
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from tests.process.runs import SECRET, free_port
+from phalanx.messages.frames import Frame
+from tests.process.runs import SECRET, free_port, wait_for
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator
@@ -105,6 +107,25 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
     finally:
         started.process.kill()
         print(started.process.communicate()[0])  # seen if the test fails
+
+
+class Watcher:
+    """A live viewer without a page."""
+
+    def __init__(self, live: Live) -> None:
+        self.live = live
+        self.frame: Frame | None = None
+
+    def until(self, holds: Callable[[Frame], bool]) -> Frame:
+        """The first frame for which `holds` is true."""
+
+        def newest() -> bool:
+            self.frame = self.live.take() or self.frame
+            return self.frame is not None and holds(self.frame)
+
+        wait_for(newest)
+        assert self.frame is not None
+        return self.frame
 
 
 Numbers = Sequence[float]

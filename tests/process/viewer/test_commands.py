@@ -4,39 +4,18 @@ from pathlib import Path
 
 import psutil
 import pytest
-from phalanx_viewer.feeds.live import Live
 
 import phalanx
 from phalanx.faults.commands import CommandKind, CommandPolicy, Condition
 from phalanx.guarantee.verdict import Outcome
-from phalanx.messages.frames import Frame
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
+from tests.process.viewer.pages import Watcher
 
 pytestmark = pytest.mark.swarm
 
 SHORT = load("unicycles", ["duration=3.0"])
-
-
-class Watcher:
-    """A live viewer without a page."""
-
-    def __init__(self, live: Live) -> None:
-        self.live = live
-        self.frame: Frame | None = None
-
-    def until(self, holds: object, seconds: float = 120.0) -> Frame:
-        """The first frame for which `holds` is true."""
-        assert callable(holds)
-
-        def newest() -> bool:
-            self.frame = self.live.take() or self.frame
-            return self.frame is not None and holds(self.frame)
-
-        wait_for(newest, seconds)
-        assert self.frame is not None
-        return self.frame
 
 
 def processes() -> set[str]:

@@ -101,25 +101,22 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
 
 
 @pytest.mark.nightly
-def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finished: Path) -> None:
+def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", replayed) -> None:
     def painted() -> str:
         tab.evaluate("new Promise(then => requestAnimationFrame(() => setTimeout(then)))")
-        return pixels(plot)
+        return pixels(tab.locator("#phx-plots canvas").first)
 
-    with served(replay := open_replay(finished)) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        plot = tab.locator("#phx-plots canvas").first
-        plot.wait_for()
-        replay.seek(replay.end)
-        wait_for(lambda: time_shown(tab) == round(replay.end, 3))
-        tab.get_by_role("checkbox", name="Dark").check(force=True)
-        tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
-        turned = painted()
-        tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
-        assert painted() == turned
-        (client,) = page.server.get_clients().values()
-        paths = client.scene.get_handle_by_name("/recent paths")
-        wait_for(lambda: paths.colors[0, 0].max() < 60)
+    replay, page = replayed
+    replay.seek(replay.end)
+    wait_for(lambda: time_shown(tab) == round(replay.end, 3))
+    tab.get_by_role("checkbox", name="Dark").check(force=True)
+    tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
+    turned = painted()
+    tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
+    assert painted() == turned
+    (client,) = page.server.get_clients().values()
+    paths = client.scene.get_handle_by_name("/recent paths")
+    wait_for(lambda: paths.colors[0, 0].max() < 60)
 
 
 @pytest.mark.nightly

@@ -10,10 +10,10 @@ from phalanx_viewer.plots.plots import Content, content, values_at
 from phalanx_viewer.scene.picture import Picture
 
 from phalanx.faults.commands import CommandKind
-from phalanx.messages.frames import Frame
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from tests.process.runs import HELD, PACED, live_run, wait_for
+from tests.process.viewer.pages import Watcher
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
@@ -28,44 +28,30 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
         live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", PACED) as run,
         run.watch() as live,
     ):
-        frames: list[Frame] = []
-
-        def paused() -> bool:
-            frames.extend(frame for frame in [live.take()] if frame)
-            return bool(frames) and frames[-1].paused
-
+        watcher = Watcher(live)
         # At t = 0 a live frame may be older than the first inputs, which a replay shows.
-        wait_for(lambda: (frame := live.take()) and frame.t > 0.0)
+        watcher.until(lambda frame: frame.t > 0.0)
         live.command(CommandKind.FREEZE, agent="4")
         live.command(CommandKind.PAUSE)
-        wait_for(paused)
+        live_frame = watcher.until(lambda frame: frame.paused)
         live.command(CommandKind.SPEED)
         live.command(CommandKind.RESUME)
         summary = run.summary()
-    live_frame, again = frames[-1], open_replay(tmp_path / "live").frame(frames[-1].t)
-    assert again.t == live_frame.t
-    assert again.x == live_frame.x
-    assert again.agents == live_frame.agents
-    assert again.pair == live_frame.pair
-    assert again.worst_h == live_frame.worst_h
+    again = open_replay(tmp_path / "live").frame(live_frame.t)
+    for name in ("t", "x", "agents", "pair", "worst_h"):
+        assert getattr(again, name) == getattr(live_frame, name)
     assert read(tmp_path / "live").summary == summary
 
 
 def test_a_live_run_counts_false_broadcasts_as_its_replay_does(tmp_path: Path) -> None:
     scenario = load("faults/lie-input", ["duration=0.6"])
     with live_run(scenario, tmp_path / "live", HELD) as run, run.watch() as live:
-        frames: list[Frame] = []
         run.set_speed(0.1)
-
-        def lied() -> bool:
-            frames.extend(frame for frame in [live.take()] if frame)
-            return bool(frames) and frames[-1].agents[1].lies > 0
-
-        wait_for(lied)
+        lying = Watcher(live).until(lambda frame: frame.agents[1].lies > 0)
         live.command(CommandKind.SPEED)
         run.summary()
-    again = open_replay(tmp_path / "live").frame(frames[-1].t)
-    assert [agent.lies for agent in again.agents] == [agent.lies for agent in frames[-1].agents]
+    again = open_replay(tmp_path / "live").frame(lying.t)
+    assert [agent.lies for agent in again.agents] == [agent.lies for agent in lying.agents]
 
 
 def test_the_number_at_a_plot_is_the_runs_and_not_its_thinned_curves(replay: Replay) -> None:
@@ -126,9 +112,7 @@ def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
     replay.seek(1.0)
     before = replay.t
     replay.step(1)
-    stepped = replay.t
-    assert stepped > before
-    assert stepped == replay.times[np.searchsorted(replay.times, before, side="right")]
+    assert replay.t == replay.times[np.searchsorted(replay.times, before, side="right")] > before
     replay.step(-1)
     assert replay.t <= before
 

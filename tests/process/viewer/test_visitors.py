@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from phalanx_viewer.feeds.replay import open_replay
 from phalanx_viewer.page.page import Page
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
@@ -19,6 +19,17 @@ pytestmark = pytest.mark.swarm
 
 
 @contextlib.contextmanager
+def two_visitors(port: int) -> Iterator[tuple[Client, Client, ClientConnection]]:
+    """Two visitors of a page, and a connection for actions."""
+    with (
+        visitor(port) as first,
+        visitor(port) as second,
+        connect(f"ws://127.0.0.1:{port}/actions") as acting,
+    ):
+        yield Client(first), Client(second), acting
+
+
+@contextlib.contextmanager
 def operated(folder: Path) -> Iterator[tuple[LiveRun, Client, Client, str]]:
     """A live run, visitors with and without the page's token, and the token."""
     with (
@@ -26,13 +37,7 @@ def operated(folder: Path) -> Iterator[tuple[LiveRun, Client, Client, str]]:
         viewer("--connect", run.endpoint, "--run", "live", command_secret=COMMAND_SECRET) as page,
     ):
         address, _, token = page.url.partition("/?token=")
-        port = int(address.rpartition(":")[2])
-        with (
-            visitor(port) as first,
-            visitor(port) as second,
-            connect(f"ws://127.0.0.1:{port}/actions") as acting,
-        ):
-            operator, other = Client(first), Client(second)
+        with two_visitors(int(address.rpartition(":")[2])) as (operator, other, acting):
             acting.send(msgspec.json.encode({"visitor": other.name, "token": "guessed"}))
             acting.send(msgspec.json.encode({"visitor": operator.name, "token": token}))
             yield run, operator, other, token
@@ -83,25 +88,18 @@ def settings(page: Page) -> list[tuple[int, str, bool]]:
 
 def test_what_a_visitor_sets_is_not_set_for_others(finished: Path) -> None:
     replay = open_replay(finished)
-    with served(replay) as page:
-        port = page.server.get_port()
-        with (
-            visitor(port) as first,
-            visitor(port) as second,
-            connect(f"ws://127.0.0.1:{port}/actions") as acting,
-        ):
-            ours, other = Client(first), Client(second)
-            ours.until("(t = 0.000 s)")
-            set_by_other = {"Agent": "4", "Keep in sight": "the swarm", "Dark": True}
-            set_by_other |= dict.fromkeys(("Inputs", "Recent paths", "Goals"), False)
-            fields = {label: other.field(label) for label in set_by_other}
-            ours.clicked, before = len(ours.received), settings(page)
-            for label, value in set_by_other.items():
-                other.click(fields[label], value)
-            acting.send(msgspec.json.encode({"seek": replay.end}))
-            for client in (ours, other):
-                client.until(f"(t = {replay.end:.3f} s)")
-            after = settings(page)
+    with served(replay) as page, two_visitors(page.server.get_port()) as (ours, other, acting):
+        ours.until("(t = 0.000 s)")
+        set_by_other = {"Agent": "4", "Keep in sight": "the swarm", "Dark": True}
+        set_by_other |= dict.fromkeys(("Inputs", "Recent paths", "Goals"), False)
+        fields = {label: other.field(label) for label in set_by_other}
+        ours.clicked, before = len(ours.received), settings(page)
+        for label, value in set_by_other.items():
+            other.click(fields[label], value)
+        acting.send(msgspec.json.encode({"seek": replay.end}))
+        for client in (ours, other):
+            client.until(f"(t = {replay.end:.3f} s)")
+        after = settings(page)
     assert after[0] == before[0] == before[1] == (0, "the whole run", True)
     assert after[1] == (3, "the swarm", False)
     assert "dark_mode': True" in other.received

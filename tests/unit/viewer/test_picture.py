@@ -27,14 +27,9 @@ def picture(*second: float, turned: tuple[int, ...] = ()) -> Picture:
     return Picture(MODEL, frame)
 
 
-def test_no_agent_is_marked_while_all_are_safe() -> None:
-    marked = picture(1.001, 0.0)
-    assert marked.unsafe == []
-    assert not marked.unsafe_agents.any()
-    assert marked.unsafe_ends.shape == (0, 2, 3)
-
-
-def test_the_two_of_a_pair_too_close_are_marked() -> None:
+def test_the_two_of_a_pair_too_close_are_marked_and_no_agent_while_all_are_safe() -> None:
+    safe = picture(1.001, 0.0)
+    assert (safe.unsafe, safe.unsafe_agents.any(), len(safe.unsafe_ends)) == ([], False, 0)
     marked = picture(0.999, 0.0)
     assert [MODEL.label(pair) for pair in marked.unsafe] == ["1-2"]
     assert marked.unsafe_agents.tolist() == [True, True, False, False, False]

@@ -79,7 +79,7 @@ def run(
     return written
 
 
-def _document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
+def _document(replay: Replay, progress: Callable[[str], None]) -> str:
     """Write the document; `progress` is called with texts such as "scene, t = 1.00 of 2.00 s"."""
     begin = float(replay.times[0])
     count = int(np.clip((replay.end - begin) / _FRAME_PERIOD, 1, _FRAMES)) + 1

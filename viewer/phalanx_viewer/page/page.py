@@ -110,7 +110,8 @@ class Visitor:
     def show(self, frame: Frame, picture: Picture) -> None:
         """Send all that shows a frame in one message, so that the page shows one instant."""
         if paths_due := (now := time.monotonic()) >= self._paths_due:
-            # Before anything is shown: a selection made meanwhile shows at the next tick.
+            # Before anything is shown: a selection made meanwhile shows at the next tick. And only
+            # with the paths: a page that was fresh without them would never get its last ones.
             self.stale, self._paths_due = False, now + _PATH_PERIOD
         with self.client.atomic():
             self.scene.show(picture, self.selected)
