@@ -118,17 +118,16 @@ class DelayFloor:
 
 @dataclass(frozen=True)
 class Reorder:
-    """netem's `reorder PERCENT CORRELATION gap DISTANCE`: some messages are not delayed."""
+    """netem's `reorder PERCENT gap DISTANCE`: some messages are not delayed."""
 
     probability: Probability = 1.0
-    correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
     gap: Annotated[int, Ge(1)] = 1
     """Only every gap-th message is a candidate."""
 
     def treat(self, message: Message) -> Treatment:
         if (message.k + 1) % self.gap or message.waited == 0.0:
             return DELIVER
-        hit = message.draw("reorder", correlation=self.correlation) < self.probability
+        hit = message.draw("reorder") < self.probability
         return (Copy(-message.waited),) if hit else DELIVER
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from phalanx.network.delay import ConstantDelay
-from phalanx.network.loss import Chance, RandomLoss
+from phalanx.network.loss import RandomLoss
 from phalanx.network.rule import (
     DELIVER,
     Copy,
@@ -54,7 +54,7 @@ class LinkModel:
         if delay is not None:
             model = model._with(Stage(DELAY, ConstantDelay(delay)))
         if loss is not None:
-            model = model._with(Stage(LOSS, RandomLoss(Chance(loss))))
+            model = model._with(Stage(LOSS, RandomLoss(loss)))
         return model
 
     @property

@@ -1,6 +1,7 @@
 """Rules that drop, duplicate or corrupt messages: by chance, in bursts, by distance."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 from annotated_types import Ge, Lt
@@ -19,68 +20,54 @@ from phalanx.theory.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
-class Chance:
-    """netem's `PERCENT CORRELATION`."""
+class RandomLoss:
+    """netem's `loss random PERCENT`."""
 
     probability: Probability
-    correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Correlation of consecutive messages."""
-
-    def hits(self, message: Message, purpose: str) -> bool:
-        """Return whether it happens to this message."""
-        return message.draw(purpose, correlation=self.correlation) < self.probability
-
-
-@dataclass(frozen=True)
-class RandomLoss:
-    """netem's `loss random PERCENT CORRELATION`."""
-
-    chance: Chance
 
     @property
     def mean(self) -> float:
         """Share of messages lost."""
-        return self.chance.probability
+        return self.probability
 
     def __str__(self) -> str:
-        correlation = self.chance.correlation
-        return f"{100 * self.chance.probability:g} %" + (
-            f", correlation {correlation:g}" if correlation else ""
-        )
+        return f"{100 * self.probability:g} %"
 
     def treat(self, message: Message) -> Treatment:
-        return DROP if self.chance.hits(message, BASIC) else DELIVER
+        return DROP if message.draw(BASIC) < self.probability else DELIVER
 
 
 @dataclass(frozen=True)
-class GilbertElliott:
-    """netem's `loss gemodel p r 1-h 1-k`: a link with two states, good and bad."""
+class Bursts:
+    """Gilbert's model: a link with two states that loses everything while it is bad."""
 
-    p: Probability
-    """Probability that a good link is bad at the next message."""
-    r: Probability
-    """Probability that a bad link is good at the next message."""
-    lost_if_bad: Probability = 1.0
-    """1-h."""
-    lost_if_good: Probability = 0.0
-    """1-k."""
+    mean: Annotated[Probability, Lt(1)]
+    """Share of messages lost."""
+    burst: Annotated[float, Ge(1)]
+    """Mean number of messages lost in a row."""
 
     def __post_init__(self) -> None:
-        if self.p + self.r == 0.0:
-            raise ValueError("expected p or r above 0: else the link never changes its state")
+        if self.p > 1.0:
+            least = self.mean / (1.0 - self.mean)
+            raise ValueError(
+                f"expected burst >= {least:.4g} for a mean loss of {self.mean:g}, got {self.burst}"
+            )
+
+    @cached_property
+    def r(self) -> float:
+        """Probability that a bad link is good at the next message."""
+        return 1.0 / self.burst
+
+    @cached_property
+    def p(self) -> float:
+        """Probability that a good link is bad at the next message."""
+        return self.mean * self.r / (1.0 - self.mean)
 
     def __str__(self) -> str:
         return f"{100 * self.mean:.4g} % in bursts"
 
-    @property
-    def mean(self) -> float:
-        """Share of messages lost in the long run."""
-        bad = self.p / (self.p + self.r)
-        return bad * self.lost_if_bad + (1.0 - bad) * self.lost_if_good
-
     def treat(self, message: Message) -> Treatment:
-        lost = self.lost_if_bad if self._bad(message) else self.lost_if_good
-        return DROP if message.draw(BASIC) < lost else DELIVER
+        return DROP if self._bad(message) else DELIVER
 
     def _bad(self, message: Message) -> bool:
         """Return whether the link is bad at message k, for messages in any order.
@@ -105,24 +92,6 @@ class Outside(NamedTuple):
 
     def __call__(self, rows: Array, /) -> Mask:
         return (rows[:, 0] < self.low) | (rows[:, 0] >= self.high)
-
-
-def bursts(mean: float, burst: float) -> GilbertElliott:
-    """Build the simple Gilbert model from measurable quantities.
-
-    Args:
-        mean: share of messages lost, below 1.
-        burst: mean number of messages lost in a row, at least 1.
-
-    Raises:
-        ValueError: the bursts are too short for this share.
-    """
-    r = 1.0 / burst
-    p = mean * r / (1.0 - mean)
-    if p > 1.0:
-        least = mean / (1.0 - mean)
-        raise ValueError(f"expected burst >= {least:.4g} for a mean loss of {mean:g}, got {burst}")
-    return GilbertElliott(p, r)
 
 
 @dataclass(frozen=True)
@@ -152,17 +121,17 @@ class DistanceLoss:
 class Duplicate:
     """netem's `duplicate`: a second copy of some messages, treated separately by later rules."""
 
-    chance: Chance
+    probability: Probability
 
     def treat(self, message: Message) -> Treatment:
-        return DUPLICATE if self.chance.hits(message, "duplicate") else DELIVER
+        return DUPLICATE if message.draw("duplicate") < self.probability else DELIVER
 
 
 @dataclass(frozen=True)
 class Corrupt:
     """netem's `corrupt`: a flipped byte in some messages."""
 
-    chance: Chance
+    probability: Probability
 
     def treat(self, message: Message) -> Treatment:
-        return CORRUPT if self.chance.hits(message, "corrupt") else DELIVER
+        return CORRUPT if message.draw("corrupt") < self.probability else DELIVER

@@ -16,21 +16,17 @@ from phalanx.network.delay import (
 )
 from phalanx.network.link import DELAY, LOSS, Kind
 from phalanx.network.loss import (
-    Chance,
+    Bursts,
     Corrupt,
     DistanceLoss,
     Duplicate,
-    GilbertElliott,
     RandomLoss,
-    bursts,
 )
 from phalanx.network.presets import PRESETS, Preset
 from phalanx.network.rule import Rule
 from phalanx.schema.fields import (
     BOUNDS,
     BURST,
-    CHANCE,
-    GEMODEL,
     JITTER,
     NUMBER,
     Name,
@@ -43,47 +39,6 @@ from phalanx.schema.fields import (
     field_error,
     number_or_table,
 )
-
-
-class GilbertElliottTable(Strict):
-    """netem's `loss gemodel`: { p, r, 1-h, 1-k }."""
-
-    p: Probability
-    r: Probability | None = None
-    """Default: 1 - p, for independent losses."""
-    lost_if_bad: Probability = Field(default=1.0, alias="1-h")
-    lost_if_good: Probability = Field(default=0.0, alias="1-k")
-
-    def rule(self) -> GilbertElliott:
-        r = 1.0 - self.p if self.r is None else self.r
-        return GilbertElliott(self.p, r, self.lost_if_bad, self.lost_if_good)
-
-
-class BurstTable(Strict):
-    """Gilbert's model by measurable quantities: { mean, burst }."""
-
-    mean: Annotated[Probability, Field(lt=1)]
-    """Share of messages lost."""
-    burst: Annotated[float, Field(ge=1)]
-    """Mean number of messages lost in a row."""
-
-    def rule(self) -> GilbertElliott:
-        return bursts(self.mean, self.burst)
-
-    @model_validator(mode="after")
-    def _exists(self) -> Self:
-        self.rule()
-        return self
-
-
-class RandomTable(Strict):
-    """netem's `loss random`: { random, correlation }."""
-
-    random: Probability
-    correlation: Annotated[Probability, Field(lt=1)] = 0.0
-
-    def rule(self) -> RandomLoss:
-        return RandomLoss(Chance(self.random, self.correlation))
 
 
 def _alternative(**by_field: str) -> Callable[[Any], str]:
@@ -107,15 +62,8 @@ Delay = Annotated[
     Discriminator(_alternative(low=BOUNDS, time=JITTER, jitter=JITTER)),
 ]
 Loss = Annotated[
-    Annotated[Probability, Tag(NUMBER)]
-    | Annotated[RandomTable, Tag(CHANCE)]
-    | Annotated[BurstTable, Tag(BURST)]
-    | Annotated[GilbertElliottTable, Tag(GEMODEL)],
-    Discriminator(_alternative(random=CHANCE, mean=BURST, burst=BURST, p=GEMODEL, r=GEMODEL)),
-]
-ChanceField = Annotated[
-    Annotated[Probability, Tag(NUMBER)] | Annotated[Chance, Tag(CHANCE)],
-    Discriminator(_alternative(probability=CHANCE)),
+    Annotated[Probability, Tag(NUMBER)] | Annotated[Bursts, Tag(BURST)],
+    Discriminator(_alternative(mean=BURST)),
 ]
 
 
@@ -130,16 +78,15 @@ class LinkTable(Strict):
     delay_floor: DelayFloor | None = None
     """{ time, per_metre }: a least delay that grows with the distance."""
     loss: Loss = 0.0
-    """Probability that a message is lost, independently of the others; { random, correlation };
-    { mean, burst }; or { p, r, 1-h, 1-k }."""
+    """Probability that a message is lost, independently of the others; or { mean, burst }."""
     loss_by_distance: DistanceLoss | None = None
     """{ none_within, all_beyond } [m], and linear between."""
-    duplicate: ChanceField = 0.0
-    """Probability of a second copy, or { probability, correlation }."""
-    corrupt: ChanceField = 0.0
-    """Probability of a flipped byte, or { probability, correlation }."""
+    duplicate: Probability = 0.0
+    """Probability of a second copy."""
+    corrupt: Probability = 0.0
+    """Probability of a flipped byte."""
     reorder: Reorder | None = None
-    """{ probability, correlation, gap }: messages that are not delayed."""
+    """{ probability, gap }: messages that are not delayed."""
     rate: Rate | None = None
     """{ bits_per_second, size, limit }: a queue."""
     slot: Positive | None = None
@@ -163,13 +110,13 @@ class LinkTable(Strict):
         """Build the table's rules, with their fields, in the order in which they act."""
         if self.loss != 0.0:
             loss = self.loss
-            yield LOSS, RandomLoss(Chance(loss)) if isinstance(loss, float | int) else loss.rule()
+            yield LOSS, RandomLoss(loss) if isinstance(loss, float | int) else loss
         if self.loss_by_distance:
             yield "loss_by_distance", self.loss_by_distance
         if self.duplicate != 0.0:
-            yield "duplicate", Duplicate(_chance(self.duplicate))
+            yield "duplicate", Duplicate(self.duplicate)
         if self.corrupt != 0.0:
-            yield "corrupt", Corrupt(_chance(self.corrupt))
+            yield "corrupt", Corrupt(self.corrupt)
         if self.rate:
             yield "rate", self.rate
         if self.delay != 0.0:
@@ -183,10 +130,6 @@ class LinkTable(Strict):
             yield "slot", Slot(self.slot)
         for index, table in enumerate(self.rules):
             yield f"rules.{index}", built(f"rules.{index}", Rule, table)
-
-
-def _chance(chance: float | Chance) -> Chance:
-    return Chance(chance) if isinstance(chance, float | int) else chance
 
 
 class SomeLinks(Strict):

@@ -69,7 +69,7 @@ Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 # Tags of unions: pydantic puts them into an error's location, but no field has such a name.
 NUMBER, TABLE, WORD, INPUT = "<number>", "<table>", "<word>", "<input>"
 SPHERE, WALL, BOX, POLYGON = "<sphere>", "<wall>", "<box>", "<polygon>"
-BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "<bounds>", "<jitter>", "<chance>", "<burst>", "<gemodel>"
+BOUNDS, JITTER, BURST = "<bounds>", "<jitter>", "<burst>"
 LIMIT, REFERENCE = "<limit>", "<reference>"
 
 

@@ -73,10 +73,6 @@ def _lie(**fields: Any) -> Overrides:
 
 LINKS: Mapping[str, Overrides] = {
     "loss = 0.3": {"network.loss": 0.3},
-    "loss = { random = 0.3, correlation = 0.8 }": {
-        "network.loss": {"random": 0.3, "correlation": 0.8}
-    },
-    "loss = { p, r, 1-h, 1-k }": {"network.loss": {"p": 0.05, "r": 0.1, "1-h": 0.8, "1-k": 0.02}},
     "loss = { mean = 0.3, burst = 12 }": {"network.loss": {"mean": 0.3, "burst": 12.0}},
     "loss_by_distance": {"network.loss_by_distance": {"none_within": 1.2, "all_beyond": 1.8}},
     "duplicate = 0.5": {"network.delay": {"low": 0.0, "high": 0.02}, "network.duplicate": 0.5},

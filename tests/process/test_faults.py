@@ -10,9 +10,7 @@ DURATION = 0.6
 LIE = {"kind": "lie", "agent": "2", "at": 0.05, "for": 0.5}
 FAULTS = {
     "loss": {"network.loss": 0.2},
-    "correlated loss": {"network.loss": {"random": 0.2, "correlation": 0.5}},
     "bursts": {"network.loss": {"mean": 0.2, "burst": 4.0}},
-    "Gilbert and Elliott": {"network.loss": {"p": 0.1, "r": 0.3, "1-h": 0.9, "1-k": 0.02}},
     "loss by distance": {"network.loss_by_distance": {"none_within": 1.0, "all_beyond": 9.0}},
     "delay": {"network.delay": 0.01},
     "jitter": {"network.delay": {"time": 0.02, "jitter": 0.01, "distribution": "pareto"}},

@@ -110,7 +110,7 @@ BUDGET: Mapping[str, int] = {
     "hosts": 340,
     "launcher": 2280,
     "messages": 980,
-    "network": 1480,
+    "network": 1400,
     "plant": 4980,
     "recording": 2000,
     "report": 2320,

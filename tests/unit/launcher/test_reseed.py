@@ -12,7 +12,7 @@ RANDOM = {
         "network.loss": {"mean": 0.3, "burst": 3.0},
         "network.delay": {"time": 0.02, "jitter": 0.02, "correlation": 0.3},
         "network.duplicate": 0.2,
-        "network.reorder": {"probability": 0.3, "correlation": 0.5},
+        "network.reorder": {"probability": 0.3},
     },
     "robots": {
         "time.latency": 0.004,

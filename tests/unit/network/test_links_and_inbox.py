@@ -244,26 +244,15 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
     assert not inbox.put(0, broadcast(2))
 
 
-def test_a_new_contact_between_two_samples_ends_the_old_one_though_no_agent_was_out_of_sight():
-    slow = model(delay=0.03)
-    inbox = inbox_of(slow)
+@pytest.mark.parametrize(("t", "received"), [(0.03, 0), (0.01, None)])
+def test_a_new_contact_ends_the_old_one_with_what_came_and_what_is_on_its_way(t, received):
+    inbox = inbox_of(model(delay=0.03))
     inbox.put(0, broadcast(0))
-    inbox.advance({0: (0, 0)}, 0.03)
-    assert newest(inbox) == 0
+    inbox.advance({0: (0, 0)}, t)
+    assert newest(inbox) == received
     inbox.put(0, broadcast(2))
     inbox.advance({0: (2, 2)}, 0.04)
     assert newest(inbox) is None, "broadcast 1 was not for this agent: 0 is in force no more"
-    inbox.advance({0: (2, 2)}, 0.05)
-    assert newest(inbox) == 2
-
-
-def test_what_is_on_its_way_when_a_new_contact_begins_arrives_no_more():
-    inbox = inbox_of(model(delay=0.03))
-    inbox.put(0, broadcast(0))
-    inbox.advance({0: (0, 0)}, 0.01)
-    inbox.put(0, broadcast(2))
-    inbox.advance({0: (2, 2)}, 0.04)
-    assert newest(inbox) is None
     inbox.advance({0: (2, 2)}, 0.05)
     assert newest(inbox) == 2
 

@@ -36,12 +36,11 @@ AFFECTED: dict[str, Callable[[Delivery], bool]] = {
 }
 
 
-def treated(field: str, correlation: float = 0.0) -> np.ndarray:
+def treated(field: str) -> np.ndarray:
     """Return for each message whether the rule treated it, shape (MANY,)."""
-    chance = "random" if field == "loss" else "probability"
-    fields: dict[str, object] = {field: {chance: SHARE, "correlation": correlation}}
+    fields: dict[str, object] = {field: SHARE}
     if field == "reorder":  # without a delay nothing could be
-        fields["delay"] = 0.01
+        fields = {field: {"probability": SHARE}, "delay": 0.01}
     link = Link(0, "a", "b", model(**fields))
     return np.array([AFFECTED[field](link.fate(k)) for k in range(MANY)])
 
@@ -58,22 +57,6 @@ def test_without_correlation_no_message_knows_of_another(field):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("field", "correlation"),
-    [("loss", 0.25), ("loss", 0.8), ("corrupt", 0.3), ("duplicate", 0.8), ("reorder", 0.5)],
-)
-def test_a_correlation_makes_runs_and_leaves_the_share_as_it_is(field, correlation):
-    hits = treated(field, correlation)
-    effective = MANY * (1.0 - correlation) / (1.0 + correlation)
-    error = 4.0 * np.sqrt(SHARE * (1 - SHARE) / effective)
-    assert np.mean(hits) == pytest.approx(SHARE, abs=error)
-    assert chi_square_of_geometric(runs(hits), correlation + (1.0 - correlation) * SHARE) > 0.01
-    for ahead in (1, 2):
-        measured = np.corrcoef(hits[ahead:], hits[:-ahead])[0, 1]
-        assert measured == pytest.approx(correlation**ahead, abs=5.0 / np.sqrt(effective))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.7, 25.0), (0.5, 1.2)])
 def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     gone = lost(loss={"mean": mean, "burst": burst})
@@ -86,53 +69,18 @@ def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     assert chi_square_of_geometric(lengths, stay) > 0.01
 
 
-@pytest.mark.slow
-def test_gilbert_and_elliotts_four_numbers_mean_what_netem_says():
-    p, r, bad, good = 0.05, 0.2, 0.8, 0.01
-    gone = lost(loss={"p": p, "r": r, "1-h": bad, "1-k": good})
-    share_bad = p / (p + r)
-    mean = share_bad * bad + (1.0 - share_bad) * good
-    assert np.mean(gone) == pytest.approx(mean, abs=0.01)
-    # Autocovariance of the losses: that of the state, times how much the state matters, squared.
-    state = share_bad * (1.0 - share_bad) * (bad - good) ** 2
-    for ahead in (1, 2, 6):
-        expected = state * (1.0 - p - r) ** ahead / (mean * (1.0 - mean))
-        assert np.corrcoef(gone[ahead:], gone[:-ahead])[0, 1] == pytest.approx(expected, abs=0.02)
-    lengths = runs(gone)
-    longest = 12
-    expected_runs = runs_of_a_hidden_chain(p, r, bad, good, longest)
-    counted = np.bincount(np.minimum(lengths, longest), minlength=longest + 1)[1:]
-    assert chisquare(counted, expected_runs * len(lengths)).pvalue > 0.01
-
-
-def runs_of_a_hidden_chain(p: float, r: float, bad: float, good: float, longest: int) -> np.ndarray:
-    """Shares of runs of 1, 2, ... losses, the last for all that are as long or longer."""
-    chain = np.array([[1.0 - r, r], [p, 1.0 - p]])  # states: bad, good
-    lose, keep = np.diag([bad, good]), np.diag([1.0 - bad, 1.0 - good])
-    begun = np.array([p, r]) / (p + r) @ keep @ chain @ lose
-    at_least = [begun / begun.sum()]
-    for _ in range(longest - 1):
-        at_least.append(at_least[-1] @ chain @ lose)
-    survive = np.array([state.sum() for state in at_least])
-    return np.append(survive[:-1] - survive[1:], survive[-1])
-
-
 def test_a_link_that_changes_more_often_than_not_alternates():
-    p, r = 0.9, 0.8
-    gone = lost(SOME, loss={"p": p, "r": r})
-    assert np.mean(gone) == pytest.approx(p / (p + r), abs=0.005)
-    assert np.corrcoef(gone[1:], gone[:-1])[0, 1] == pytest.approx(1.0 - p - r, abs=0.02)
-
-
-def test_p_alone_is_bernoullis():
-    gone = lost(SOME, loss={"p": 0.25})
-    assert np.mean(gone) == pytest.approx(0.25, abs=4.0 * np.sqrt(0.1875 / SOME))
+    mean, burst = 0.53, 1.2
+    gone = lost(SOME, loss={"mean": mean, "burst": burst})
+    stay = 1.0 - 1.0 / burst - mean / burst / (1.0 - mean)  # below 0
+    assert np.mean(gone) == pytest.approx(mean, abs=0.005)
+    assert np.corrcoef(gone[1:], gone[:-1])[0, 1] == pytest.approx(stay, abs=0.02)
 
 
 BURSTY = model(
-    loss={"p": 0.02, "r": 0.1, "1-h": 0.9, "1-k": 0.05},
+    loss={"mean": 0.2, "burst": 10.0},
     delay={"time": 0.1, "jitter": 0.02, "correlation": 0.8, "distribution": "paretonormal"},
-    duplicate={"probability": 0.1, "correlation": 0.5},
+    duplicate=0.1,
 )
 
 

@@ -21,10 +21,10 @@ ALL = """
 preset = "lossy-wifi"
 delay = { time = 0.02, jitter = 0.004, correlation = 0.25, distribution = "pareto" }
 delay_floor = { time = 0.001, per_metre = 1e-4 }
-loss = { p = 0.01, r = 0.2, 1-h = 0.9, 1-k = 0.001 }
+loss = { mean = 0.05, burst = 5.0 }
 loss_by_distance = { none_within = 20.0, all_beyond = 40.0 }
 duplicate = 0.01
-corrupt = { probability = 0.02, correlation = 0.1 }
+corrupt = 0.02
 reorder = { probability = 0.25, gap = 5 }
 rate = { bits_per_second = 1e6, limit = 20 }
 slot = 0.01
@@ -176,9 +176,9 @@ BROKEN = {
         {"network.loss": {"mean": 0.9, "burst": 2.0}},
         ["network.loss: expected burst >= 9 for a mean loss of 0.9"],
     ),
-    "netem's number misspelt": (
-        {"network.loss": {"p": 0.1, "1-j": 0.1}},
-        ["network.loss.1-j: unknown field"],
+    "a number of netem": (
+        {"network.loss": {"mean": 0.1, "burst": 4.0, "1-k": 0.1}},
+        ["network.loss.1-k: unknown field"],
     ),
     "a distribution that nobody knows": (
         {"network.delay": {"time": 0.1, "jitter": 0.1, "distribution": "cauchy"}},
@@ -189,8 +189,8 @@ BROKEN = {
         ["network.delay.time: expected a value, got nothing"],
     ),
     "correlation one": (
-        {"network.corrupt": {"probability": 0.1, "correlation": 1.0}},
-        ["network.corrupt.correlation: expected less than 1", "got 1.0"],
+        {"network.delay": {"time": 0.1, "jitter": 0.1, "correlation": 1.0}},
+        ["network.delay.correlation: expected less than 1", "got 1.0"],
     ),
     "distances the wrong way round": (
         {"network.loss_by_distance": {"none_within": 9.0, "all_beyond": 3.0}},
