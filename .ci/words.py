@@ -13,7 +13,7 @@ import io
 import re
 import tokenize
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,8 +44,8 @@ BARE = re.compile(
 """Names that say no noun."""
 SHORT = 5
 """Lines of a scope in which a local may have any name."""
-MOST_BARE: Mapping[str, float] = {"tests": 15}
-"""Most bare names in 1000, by folder: 10, or more where a folder is still above; these fall."""
+MOST_BARE = 10
+"""Most bare names in 1000 names of a folder."""
 
 
 class Passage(NamedTuple):
@@ -123,12 +123,12 @@ def print_bare_names(folder: Path) -> bool:
         for name, line in bound_names(ast.parse(path.read_text()))
     ]
     bare = [entry for entry in names if BARE.fullmatch(entry[2])]
-    share, most = 1000 * len(bare) / max(len(names), 1), MOST_BARE.get(folder.name, 10)
-    if share <= most:
+    share = 1000 * len(bare) / max(len(names), 1)
+    if share <= MOST_BARE:
         return False
     for path, line, name in bare:
         print(f"{path.relative_to(ROOT)}:{line}: {name!r}: a name says what it is, by a noun")
-    print(f"{folder.name}: {share:.1f} of 1000 names are bare, where {most} are allowed")
+    print(f"{folder.name}: {share:.1f} of 1000 names are bare, where {MOST_BARE} are allowed")
     return True
 
 

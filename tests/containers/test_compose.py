@@ -48,10 +48,10 @@ class Stack:
         """Identifiers of one service's containers."""
         return self("ps", "-q", service).split()
 
-    def lines_with(self, what: str) -> list[str]:
+    def lines_with(self, text: str) -> list[str]:
         """The lines of the agents' and the plant's logs that have this text."""
         logs = self("logs", "--no-color", *AGENTS, "plant")
-        return [line for line in logs.splitlines() if what in line]
+        return [line for line in logs.splitlines() if text in line]
 
     def verdict(self) -> dict[str, Any]:
         """Wait for the plant to end, and read the summary it wrote."""
@@ -201,8 +201,8 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
     stack = start()
     wait_for_page("http://127.0.0.1:8080", 60.0)
     wait_for(lambda: len(stack.lines_with("joined run")) == 5)
-    named = sorted(line[: len("agent-1")] for line in stack.lines_with("joined run"))
-    assert named == AGENTS, "by the names of their services"
+    agents = sorted(line[: len("agent-1")] for line in stack.lines_with("joined run"))
+    assert agents == AGENTS, "by the names of their services"
     assert set(stack("ps", "--services").split()) >= {*AGENTS, "plant", "viewer"}
     (plant,) = stack.containers("plant")
     before = sent_again(plant)

@@ -138,14 +138,14 @@ def _plant() -> list[Receiver]:
 def _agent() -> list[Receiver]:
     """An agent's: samples, which it answers, and broadcasts."""
     step = ControlStep(build_rows(_swarm()), ME)
-    sent: list[Answer] = []
-    answering = SampleAnswering(step, SEALER, sent.append, lambda: None)
+    answers: list[Answer] = []
+    answering = SampleAnswering(step, SEALER, answers.append, lambda: None)
 
     def take(on_payload: Callable[[str, bytes], None]) -> Callable[[str, bytes], bool]:
         def receive(key: str, payload: bytes) -> bool:
             before = step.rejected
             on_payload(key, payload)
-            sent.clear()
+            answers.clear()
             if answering.error is not None:
                 error, answering.error = answering.error, None
                 raise error

@@ -22,15 +22,15 @@ class Statistics:
 
 def statistics(recording: Recording, begin: float = 0.0, end: float = np.inf) -> Statistics:
     """Evaluate the broadcasts from `begin` to `end` [s]."""
-    sent = {(s.agent, s.k) for s in recording.steps if begin <= s.t < end}
+    broadcasts = {(s.agent, s.k) for s in recording.steps if begin <= s.t < end}
     came = {
         (sender, step.agent, k): delay
         for step in recording.steps
         for sender, k, delay in step.fates
-        if (sender, k) in sent and delay >= 0.0
+        if (sender, k) in broadcasts and delay >= 0.0
     }
     links = {(sender, step.agent) for step in recording.steps for sender, *_ in step.fates}
-    put = sum(name == sender for name, _ in sent for sender, _ in links)
+    put = sum(name == sender for name, _ in broadcasts for sender, _ in links)
     ages = [age for s in recording.steps if begin <= s.t < end for _, age in s.ages]
     return Statistics(put, 1.0 - len(came) / put, _middle(list(came.values())), _middle(ages))
 

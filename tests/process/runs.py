@@ -37,8 +37,8 @@ def on_both_engines(scenario: Scenario, **options: Any) -> tuple[phalanx.Run, ph
     first, second = (
         phalanx.run(scenario, engine=engine, **options) for engine in ("in-process", "processes")
     )
-    for what in ("trajectory", "steps", "faults", "rejected", "assumptions", "trust"):
-        assert getattr(first.summary, what) == getattr(second.summary, what)
+    for field in ("trajectory", "steps", "faults", "rejected", "assumptions", "trust"):
+        assert getattr(first.summary, field) == getattr(second.summary, field)
     assert first.events.drop("run").equals(second.events.drop("run"))
     return first, second
 
@@ -86,12 +86,12 @@ class LiveRun:
     def set_speed(self, speed: float) -> None:
         """Change the pace; returns when the run goes at it."""
         with self.watch() as live:
-            asked = [-math.inf]
+            times = [-math.inf]
 
             def goes_at_it() -> bool:
-                if time.monotonic() > asked[-1] + _ANEW:
+                if time.monotonic() > times[-1] + _ANEW:
                     live.command(CommandKind.SPEED, value=speed)
-                    asked.append(time.monotonic())
+                    times.append(time.monotonic())
                 frame = live.take()
                 return frame is not None and frame.speed == speed
 

@@ -197,10 +197,10 @@ raise SystemExit("in the middle")
 
 
 def test_a_stepped_run_that_its_program_leaves_is_on_record(tmp_path: Path) -> None:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", LEAVES, str(tmp_path)], check=False, capture_output=True, text=True
     )
-    assert done.stderr == "in the middle\n"
+    assert process.stderr == "in the middle\n"
     run = phalanx.open(tmp_path / "unicycles-1")
     assert run.verdict is phalanx.Outcome.STOPPED
     assert run.states["t"].max() > 0.09

@@ -72,10 +72,10 @@ def test_an_attacker_is_trained(tmp_path: Path) -> None:
 
 def printed(folder: Path, *example: Path | str) -> str:
     """Run an example in a folder, with arguments, and return its output."""
-    done = subprocess.run([sys.executable, *example], cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
+    process = subprocess.run([sys.executable, *example], cwd=folder, capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+    return process.stdout
 
 
 @pytest.mark.nightly

@@ -38,8 +38,8 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
             _, k, t, visible, x, *_ = fields
             near = within(truth[t], names, who[0])
             assert [names[l] for l in visible] == near
-            held = states.unpack(x, tuple(visible)).reshape(5, 3)
-            assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in visible)
+            states_held = states.unpack(x, tuple(visible)).reshape(5, 3)
+            assert all(np.array_equal(states_held[l], truth[t].reshape(5, 3)[l]) for l in visible)
             sampled[who[0], k] = t
             samples += 1
             left_out += len(names) - len(near)
@@ -92,5 +92,5 @@ def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:
     """Return the agents within an agent's radius, itself included."""
     pose = x.reshape(5, 3)
     p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
-    apart = np.linalg.norm(p - p[names.index(agent)], axis=1)
-    return [name for name, d in zip(names, apart, strict=True) if d <= RADIUS[agent]]
+    distances = np.linalg.norm(p - p[names.index(agent)], axis=1)
+    return [name for name, d in zip(names, distances, strict=True) if d <= RADIUS[agent]]

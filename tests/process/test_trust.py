@@ -35,10 +35,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = tmp_path_factory.mktemp("elsewhere")
     (here / "mine.py").write_text(MODULE)
     table = phalanx.load("one-on-one", {"duration": 0.2}).model_dump_json(by_alias=True)
-    named = table.replace('"type":"track-velocity"', '"type":"mine:Mine"')
-    assert named != table
+    renamed = table.replace('"type":"track-velocity"', '"type":"mine:Mine"')
+    assert renamed != table
     program = (
-        f"import json, phalanx; phalanx.run(phalanx.load(json.loads({named!r})), "
+        f"import json, phalanx; phalanx.run(phalanx.load(json.loads({renamed!r})), "
         "engine='in-process', out='runs')"
     )
     subprocess.run([sys.executable, "-c", program], cwd=here, check=True)

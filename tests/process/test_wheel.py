@@ -75,9 +75,9 @@ def test_readme_snippet_runs_from_the_wheel(installed: Path, elsewhere: dict) ->
     snippet = text.split("```python\n")[1].split("```")[0]
     script = elsewhere["cwd"] / "snippet.py"
     script.write_text(f"{snippet}\nprint(phalanx.__file__)\n")
-    done = subprocess.run([sys.executable, script], **elsewhere)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip().splitlines()[-1] == str(installed / "phalanx" / "__init__.py")
+    process = subprocess.run([sys.executable, script], **elsewhere)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip().splitlines()[-1] == str(installed / "phalanx" / "__init__.py")
 
 
 def test_an_export_is_made_by_what_the_wheel_brings(elsewhere: dict) -> None:
@@ -96,8 +96,8 @@ def test_a_scenario_of_an_extension_runs_to_its_verdict_and_its_command_reads_th
     assert "guaranteed:" in phalanx(elsewhere, *run).stdout
     other = {"in-process": "processes", "processes": "in-process"}[engine]
     phalanx(elsewhere, "verify", "runs/harbour-1", "--engine", other, "--trust")
-    done = phalanx(elsewhere, "closest", "runs/harbour-1", "--trust")
-    assert "east-west came closest: its largest h is -" in done.stdout
+    process = phalanx(elsewhere, "closest", "runs/harbour-1", "--trust")
+    assert "east-west came closest: its largest h is -" in process.stdout
     refused = phalanx(elsewhere, "closest", "runs/harbour-1", status=3).stderr
     assert "harbour:" in refused
     assert "--trust" in refused

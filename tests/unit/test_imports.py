@@ -166,19 +166,19 @@ def room_of(name: str) -> str:
 
 def offences(names: Iterable[str], module: str) -> list[str]:
     """Return the imports of a module that the table does not allow."""
-    home, found = room_of(module), []
+    home, mistakes = room_of(module), []
     for name in names:
         top = name.split(".")[0]
         if top in PACKAGES:
             if room_of(name) not in MAY_IMPORT[home] | {home} | BY_ALL:
-                found.append(f"{module} may not import {name}")
+                mistakes.append(f"{module} may not import {name}")
         elif top in PROGRAMS:
-            found.append(f"{module} may not import {name}: its name is phalanx_{name}")
+            mistakes.append(f"{module} may not import {name}: its name is phalanx_{name}")
         elif top in ONLY_IN_WIRE and home != "phalanx.wire":
-            found.append(f"{module} may not import {name}: only phalanx.wire does")
+            mistakes.append(f"{module} may not import {name}: only phalanx.wire does")
         elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
-            found.append(f"{module} may not import {name}: not one of {sorted(THEORY_MAY_USE)}")
-    return found
+            mistakes.append(f"{module} may not import {name}: not one of {sorted(THEORY_MAY_USE)}")
+    return mistakes
 
 
 @cache
@@ -189,14 +189,14 @@ def imports() -> dict[str, list[str]]:
 
 def modules() -> list[tuple[str, Path]]:
     """Every module of the project, by dotted name."""
-    found = []
+    mistakes = []
     beside = (ROOT / "packages" / f"phalanx-{name}" for name in BESIDE)
     for top in (ROOT, *(ROOT / program for program in PROGRAMS), *beside):
         for package in PACKAGES:
             for file in sorted((top / package).rglob("*.py")):
                 name = ".".join(file.relative_to(top).with_suffix("").parts)
-                found.append((name.removesuffix(".__init__"), file))
-    return found
+                mistakes.append((name.removesuffix(".__init__"), file))
+    return mistakes
 
 
 @pytest.mark.slow
@@ -224,16 +224,16 @@ def test_what_is_public_for_extensions_is_imported_by_no_module_of_ours():
 @pytest.mark.parametrize("folder", ["docs", "examples"])
 def test_pages_and_examples_show_no_import_but_of_public_names(folder):
     texts = {f: f.read_text("utf-8") for f in (ROOT / folder).rglob("*.*") if f.suffix in SHOWING}
-    shown = re.compile(r"^ *(?:from|import) (phalanx[\w.]*)", re.MULTILINE)
-    found = [(f.name, name) for f, text in texts.items() for name in shown.findall(text)]
-    assert [each for each in found if each[1] not in PUBLIC] == []
-    assert found
+    pattern = re.compile(r"^ *(?:from|import) (phalanx[\w.]*)", re.MULTILINE)
+    names = [(f.name, name) for f, text in texts.items() for name in pattern.findall(text)]
+    assert [each for each in names if each[1] not in PUBLIC] == []
+    assert names
 
 
 def test_the_core_needs_few_libraries_and_those_of_studies():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     lab = project["optional-dependencies"]["lab"]
-    own = {name_of(text) for text in project["dependencies"]}
+    declared = {name_of(text) for text in project["dependencies"]}
     brought_by, needed = packages_distributions(), set()
     for module, targets in imports().items():
         if not is_extension(module):
@@ -242,9 +242,9 @@ def test_the_core_needs_few_libraries_and_those_of_studies():
     ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
     needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
     needed -= {"dask", "distributed"}  # of an extra: only `phalanx study --dask` loads them
-    assert needed <= own | {name_of(text) for text in lab}
-    assert own <= needed | {"osqp", "scipy"}, "those two are loaded by osqp_without_scipy.py"
-    assert len(own) <= 14
+    assert needed <= declared | {name_of(text) for text in lab}
+    assert declared <= needed | {"osqp", "scipy"}, "those two are loaded by osqp_without_scipy.py"
+    assert len(declared) <= 14
 
 
 def name_of(requirement: str) -> str:
@@ -385,17 +385,17 @@ def test_no_two_modules_import_one_another_even_by_way_of_others():
 
 def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     """A cycle of a graph, if there is one."""
-    done: set[str] = set()
+    visited: set[str] = set()
 
     def visit(node: str, path: list[str]) -> list[str] | None:
         if node in path:
             return [*path[path.index(node) :], node]
-        if node in done:
+        if node in visited:
             return None
         for target in sorted(graph.get(node, ())):
-            if found := visit(target, [*path, node]):
-                return found
-        done.add(node)
+            if cycle := visit(target, [*path, node]):
+                return cycle
+        visited.add(node)
         return None
 
     return next((found for node in sorted(graph) if (found := visit(node, []))), None)

@@ -38,8 +38,8 @@ def test_nothing_says_to_install_phalanx_from_an_index():
 
 
 def test_every_extra_that_is_named_exists():
-    named = re.compile(r"install (?:-e )?'\.\[([\w,-]+)\]'")
-    found = {name: named.findall(text) for name, text in texts().items()}
+    pattern = re.compile(r"install (?:-e )?'\.\[([\w,-]+)\]'")
+    found = {name: pattern.findall(text) for name, text in texts().items()}
     extras = {extra for each in found.values() for text in each for extra in text.split(",")}
     assert extras <= PROJECT["optional-dependencies"].keys()
     assert len(extras) > 4

@@ -27,15 +27,15 @@ def anchors(page: Path) -> set[str]:
 
 def broken(page: Path) -> list[str]:
     """Links of a page to files or headings that do not exist."""
-    found = []
+    mistakes = []
     for target in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
         if "://" in target:
             continue
         name, _, anchor = target.partition("#")
         file = page.parent / name if name else page
         if not file.exists() or (anchor and anchor not in anchors(file)):
-            found.append(target)
-    return found
+            mistakes.append(target)
+    return mistakes
 
 
 def missing(page: Path) -> list[str]:

@@ -19,9 +19,9 @@ def locked(name: str) -> dict[str, tuple[str, int]]:
     text = (ROOT / "locks" / f"{name}.txt").read_text()
     assert not re.search(r"://|index|\s-[^-]|--(?!hash=sha256:[0-9a-f]{64}\b)", text)
     entries = text.replace("\\\n", " ").splitlines()
-    found = [re.fullmatch(r"(\S+)==(\S+)( ; .*?)?((\s+--hash=\S+)+)\s*", line) for line in entries]
-    assert all(found), [line for line, match in zip(entries, found, strict=True) if not match]
-    return {match[1]: (match[2], len(match[4].split())) for match in found if match}
+    pins = [re.fullmatch(r"(\S+)==(\S+)( ; .*?)?((\s+--hash=\S+)+)\s*", line) for line in entries]
+    assert all(pins), [line for line, match in zip(entries, pins, strict=True) if not match]
+    return {match[1]: (match[2], len(match[4].split())) for match in pins if match}
 
 
 def pinned() -> dict[str, str]:
@@ -37,12 +37,12 @@ def test_a_lock_has_the_tested_versions_of_all_that_is_needed(name: str) -> None
     versions = {project: version for project, (version, _) in locked(name).items()}
     assert versions.items() <= pinned().items(), "else: make locks"
     extras = PROJECT["project"]["optional-dependencies"]
-    wanted = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+    requirements = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
     if name == "all":
         beside = [tomllib.loads(file.read_text())["project"]["dependencies"] for file in BESIDE]
         assert all(beside)
-        wanted += [text for texts in beside for text in texts]
-    for text in (*wanted, *(each for extra in LOCKS[name] for each in extras[extra])):
+        requirements += [text for texts in beside for text in texts]
+    for text in (*requirements, *(each for extra in LOCKS[name] for each in extras[extra])):
         needed = Requirement(text)
         if needed.name != PROJECT["project"]["name"]:
             assert needed.specifier.contains(versions[canonicalize_name(needed.name)]), text

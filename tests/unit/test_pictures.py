@@ -49,12 +49,12 @@ def test_a_changed_source_and_an_unknown_one_make_a_picture_stale(tmp_path: Path
                 copy = tmp_path / file.relative_to(ROOT)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(file, copy)
-    found = {name: {"sources": PICTURES["digest"](of(name))} for name in pair}
-    (tmp_path / PICTURES["RECORDS"]).write_text(json.dumps(found))
+    digests = {name: {"sources": PICTURES["digest"](of(name))} for name in pair}
+    (tmp_path / PICTURES["RECORDS"]).write_text(json.dumps(digests))
     assert list(PICTURES["stale"](tmp_path)) == []
     with (tmp_path / "scenarios/unicycles.toml").open("a") as file:
         file.write("# faster\n")
     assert list(PICTURES["stale"](tmp_path)) == ["unicycles.png"]
-    found["formation3d.png"] = None
-    (tmp_path / PICTURES["RECORDS"]).write_text(json.dumps(found))
-    assert list(PICTURES["stale"](tmp_path)) == list(found)
+    digests["formation3d.png"] = None
+    (tmp_path / PICTURES["RECORDS"]).write_text(json.dumps(digests))
+    assert list(PICTURES["stale"](tmp_path)) == list(digests)

@@ -38,9 +38,9 @@ def whole(tmp_path_factory) -> Path:
     """A whole search with one worker."""
     folder = tmp_path_factory.mktemp("attacks") / "whole"
     (folder.parent / "weak.toml").write_text(scenario_text(weak()))
-    done = subprocess.run(command(folder, 1), capture_output=True, text=True)
-    assert done.returncode == 2, done.stderr
-    assert "violated" in done.stdout
+    process = subprocess.run(command(folder, 1), capture_output=True, text=True)
+    assert process.returncode == 2, process.stderr
+    assert "violated" in process.stdout
     return folder
 
 

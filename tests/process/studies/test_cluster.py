@@ -128,10 +128,10 @@ def test_the_example_for_slurm_runs_where_its_commands_are(tmp_path):
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)
     example = Path(__file__).parents[3] / "examples" / "study_on_slurm.py"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, example, "4", "2"],
         cwd=tmp_path, capture_output=True, text=True,
         env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     assert len(phalanx.open_study(tmp_path / "studies" / "slurm").frame) == 12

@@ -262,9 +262,9 @@ def command(*words: object) -> "subprocess.CompletedProcess[str]":
 def test_the_command_prints_the_rates_and_writes_a_page(tmp_path):
     words = ("unicycles", "--set", "duration=0.2", "--seeds", "0:2", "--out", tmp_path)
     words += ("--vary", "network.loss=0,.5", "--confirm", "0")
-    done = command(*words)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("0.000 to 0.842") == 2  # of none in two runs
+    process = command(*words)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.count("0.000 to 0.842") == 2  # of none in two runs
     assert (tmp_path / "study.html").stat().st_size > 10_000
     assert command(*words, "--why").stdout.startswith("4 of 4 rows are there; 0 to run")
     row = command("open", tmp_path, "--row", 3)

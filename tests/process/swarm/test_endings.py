@@ -277,14 +277,14 @@ def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
     run = phalanx("run", "one-on-one", "--set", rules)
     log = run.folder / "logs" / "plant.log"
     wait_for(lambda: log.exists() and "stuck" in log.read_text())
-    asked = [-math.inf]
+    times = [-math.inf]
 
     def no_plant_is_left() -> bool:
         """Else Ctrl-C now and then: of two that come at once the second is not one of its own."""
         over = "phx-plant" not in run.programs()
-        if not over and time.monotonic() > asked[-1] + 1.5:
+        if not over and time.monotonic() > times[-1] + 1.5:
             os.killpg(run.process.pid, signal.SIGINT)
-            asked.append(time.monotonic())
+            times.append(time.monotonic())
         return over
 
     wait_for(no_plant_is_left)

@@ -43,11 +43,11 @@ def test_the_wall_clock_sets_the_pace(recorded: Recording) -> None:
 
 
 def test_every_input_is_late_where_none_may_take_time(recorded: Recording) -> None:
-    found = recorded.summary.punctuality
-    assert found.late == len(recorded.steps) > 100
+    punctuality = recorded.summary.punctuality
+    assert punctuality.late == len(recorded.steps) > 100
     assert all(step.t_apply > step.t for step in recorded.steps)
-    assert found.samples >= len(recorded.steps)
-    assert all(m.p50 <= m.p99 <= m.most for m in found.measured)
+    assert punctuality.samples >= len(recorded.steps)
+    assert all(m.p50 <= m.p99 <= m.most for m in punctuality.measured)
 
 
 def test_a_declared_delay_comes_on_top_of_the_transports(recorded: Recording) -> None:
@@ -116,11 +116,11 @@ def test_an_agent_that_dies_is_lost_and_the_run_goes_on(
     (tmp_path / "fail").touch()
 
     def steps_without_it() -> int:
-        found = read(run.folder, trust=True)
-        lost = [line.t for line in found.log if line.text.startswith("agent 2 is lost")]
+        recording = read(run.folder, trust=True)
+        lost = [line.t for line in recording.log if line.text.startswith("agent 2 is lost")]
         # Longer than the plant has to notice a failure, which the launcher tells it too.
         later = lost[0] + 2.0 if lost else math.inf
-        return sum(step.agent == "1" and step.t > later for step in found.steps)
+        return sum(step.agent == "1" and step.t > later for step in recording.steps)
 
     wait_for(lambda: steps_without_it() or run.process.poll() is not None)
     os.killpg(run.process.pid, signal.SIGINT)

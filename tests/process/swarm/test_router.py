@@ -107,9 +107,9 @@ def recorded(programs: Programs) -> Recording:
     return Recording(programs.out, load("one-on-one"), {})
 
 
-def times(recording: Recording, what: str) -> list[float]:
+def times(recording: Recording, event: str) -> list[float]:
     """Return the times of the log's lines with a text."""
-    return [line.t for line in recording.log if what in line.text]
+    return [line.t for line in recording.log if event in line.text]
 
 
 def agents_after(recording: Recording, t: float) -> set[str]:

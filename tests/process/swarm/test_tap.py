@@ -38,7 +38,7 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
     scenario = load("unicycles", {"duration": 3.0})
     with live_run(scenario, tmp_path / "live", SLOW) as run:
         wait_for(lambda: run.status is not None and run.status.t > 0)
-        done = tap(str(run.folder), "--count", "60")
+        process = tap(str(run.folder), "--count", "60")
         only = tap(
             run.folder.name,
             "--connect",
@@ -49,8 +49,8 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
             "5",
         )
         run.set_speed(0.0)
-    assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert process.returncode == 0, process.stderr
+    lines = [json.loads(line) for line in process.stdout.splitlines()]
     assert len(lines) == 60
     assert all(key.startswith(f"phalanx/{run.folder.name}/") for key, _ in lines)
     assert all(fields[0] == VERSION for _, fields in lines)

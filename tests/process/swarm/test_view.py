@@ -65,8 +65,8 @@ def test_a_page_that_dies_is_started_again_a_few_times_and_the_terminal_says_so(
 
 
 def test_a_taken_port_is_an_error_that_names_it(phalanx):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = str(server.getsockname()[1])
         status, output = phalanx("run", "unicycles", "--view", "--port", port).finish()
     assert status == 64
     assert f"--port: cannot listen on 127.0.0.1:{port}" in output

@@ -78,14 +78,14 @@ def test_a_steeper_alpha_than_is_proven_is_a_gap(override, limit):
 
 
 @pytest.mark.parametrize(
-    ("gain", "said"), [(2.0, "2, is weak"), (20.0, None), (80.0, "80, is steep")]
+    ("gain", "words"), [(2.0, "2, is weak"), (20.0, None), (80.0, "80, is steep")]
 )
 @pytest.mark.parametrize("margin", ["local", "integrated"])
-def test_an_alpha_that_serves_is_proposed_where_a_proof_is_asked_for(margin, gain, said):
+def test_an_alpha_that_serves_is_proposed_where_a_proof_is_asked_for(margin, gain, words):
     swarm = swarm_of_scenario("guaranteed", f"safety.margin={margin}", f"safety.alpha=[{gain}]")
-    found = alpha_advice(swarm)
-    assert len(found) == (said is not None)
-    assert said is None or (said in found[0] and "about 0.25/τ = 20.8" in found[0])
+    advice = alpha_advice(swarm)
+    assert len(advice) == (words is not None)
+    assert words is None or (words in advice[0] and "about 0.25/τ = 20.8" in advice[0])
     assert not alpha_advice(swarm_of_scenario("unicycles"))
 
 
@@ -97,8 +97,8 @@ def test_the_relative_degree_and_the_start_are_those_of_the_chain():
 
 def test_it_says_what_is_taken_for_granted_of_roles_unless_no_role_is_read(guaranteed):
     granted = "Taken for granted: agents know who is an adversary"
-    (said,) = [word for word in guaranteed.words if word.startswith(granted)]
-    assert "safety.information = 'unknown'" in said
+    (sentence,) = [word for word in guaranteed.words if word.startswith(granted)]
+    assert "safety.information = 'unknown'" in sentence
     words = checked("guaranteed", "safety.information=unknown").words
     assert not any(word.startswith(granted) for word in words)
 

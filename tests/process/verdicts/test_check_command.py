@@ -102,9 +102,9 @@ def test_an_unsafe_start_is_foretold(check):
 def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composition):
     """The formula gives one pair less than all together."""
     _, _, table, words = check("faults/hijack", "--set", f"safety.composition={composition}")
-    found, least, _ = table["margin η, by the formula"]
+    value, least, _ = table["margin η, by the formula"]
     number = least.removeprefix("at least ").removesuffix(" m²/s")
-    assert f"The margin η = {found.removesuffix(' m²/s')} is below the {number} of the" in words
+    assert f"The margin η = {value.removesuffix(' m²/s')} is below the {number} of the" in words
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(check, kind, infor
     rows = f"safety.information={information}", "safety.composition=pairs"
     settings = "--set", fault, "--set", rows[0], "--set", rows[1]
     _, _, _, words = check("faults/hijack", *settings)
-    assert ("make adversaries of 1, and safety.information" in words) is warned
+    assert ("make adversaries of 1, and rows count on" in words) is warned
 
 
 @pytest.mark.nightly

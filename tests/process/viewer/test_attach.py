@@ -49,14 +49,14 @@ def test_a_viewer_that_finds_no_run_says_why(
 ) -> None:
     with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", HELD) as run:
         command = [sys.executable, "-m", "phalanx", "viewer", "--connect", run.endpoint]
-        asked = subprocess.run(
+        process = subprocess.run(
             [*command, "--run", run_id, "--timeout", "2"],
             env={**os.environ, "PHALANX_SECRET": secret.decode()},
             capture_output=True, text=True, timeout=60,
         )  # fmt: skip
         run.set_speed(0.0)
-    assert asked.returncode == 3
-    assert complaint in asked.stderr
+    assert process.returncode == 3
+    assert complaint in process.stderr
 
 
 def test_a_viewer_says_what_it_does_until_there_is_a_page(finished: Path) -> None:

@@ -38,8 +38,8 @@ def offline(browser: "Browser") -> Iterator["Tab"]:
 def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     offline: "Tab", finished: Path, tmp_path: Path
 ) -> None:
-    asked: list[str] = []
-    offline.on("request", lambda request: asked.append(request.url))
+    requests: list[str] = []
+    offline.on("request", lambda request: requests.append(request.url))
     html = tmp_path / "run.html"
     assert run(read(finished), html=html) == [html]
     offline.goto(html.as_uri())
@@ -64,7 +64,7 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     wait_for(lambda: slider.get_attribute("aria-valuenow") == "0")
     offline.keyboard.press("Space")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != "0")
-    assert not [url for url in asked if url.startswith(("http", "ws"))]
+    assert not [url for url in requests if url.startswith(("http", "ws"))]
 
 
 def test_a_picture_at_a_time_differs_from_one_at_another(finished: Path, tmp_path: Path) -> None:

@@ -68,8 +68,8 @@ def server():
 def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> None:
     model = scene_model(load(name))
     Scene(server, model, lambda _: None)
-    sent = server._websock_server._broadcast_buffer.message_from_id.values()
-    nodes = {m.name.strip("/") for m in sent if isinstance(m, _CreateSceneNodeMessage)}
+    messages = server._websock_server._broadcast_buffer.message_from_id.values()
+    nodes = {m.name.strip("/") for m in messages if isinstance(m, _CreateSceneNodeMessage)}
     parents = {node.rpartition("/")[0] for node in nodes}
     empty = {"ground/drops"} if model.flat else set()
     marks = {mark(node) for node in nodes - parents - empty} - {None}

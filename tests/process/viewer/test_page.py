@@ -157,9 +157,9 @@ def test_z_goes_to_the_worst_moment_and_to_its_diagram_wherever_that_is(
         wait_for(lambda: in_view(tab, diagram))
 
 
-def in_view(tab: "Tab", shown: "Locator") -> bool:
+def in_view(tab: "Tab", locator: "Locator") -> bool:
     """True if all of an element is above the timeline."""
-    box, bar = shown.bounding_box(), tab.locator("#phx-timeline").bounding_box()
+    box, bar = locator.bounding_box(), tab.locator("#phx-timeline").bounding_box()
     assert bar is not None
     return box is not None and box["y"] >= 0.0 and box["y"] + box["height"] <= bar["y"] + 1.0
 

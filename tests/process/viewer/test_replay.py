@@ -84,8 +84,8 @@ def test_a_live_run_marks_violations_as_they_happen(tmp_path: Path) -> None:
     assert live_marks <= violations(plotted(open_replay(folder)))
 
 
-def violations(shown: Content) -> set[tuple[float, str]]:
-    return {(mark.t, mark.text) for mark in shown.marks if mark.kind == "violation"}
+def violations(content: Content) -> set[tuple[float, str]]:
+    return {(mark.t, mark.text) for mark in content.marks if mark.kind == "violation"}
 
 
 def plotted(replay: Replay) -> Content:

@@ -103,9 +103,9 @@ def test_what_a_visitor_sets_is_not_set_for_others(finished: Path) -> None:
     assert after[0] == before[0] == before[1] == (0, "the whole run", True)
     assert after[1] == (3, "the swarm", False)
     assert "dark_mode': True" in other.received
-    sent = ours.received[ours.clicked :]
-    assert "dark_mode': True" not in sent
-    assert not any(uuid in sent for uuid in fields.values())
+    messages = ours.received[ours.clicked :]
+    assert "dark_mode': True" not in messages
+    assert not any(uuid in messages for uuid in fields.values())
 
 
 def test_nothing_is_kept_for_visitors_who_left(finished: Path) -> None:

@@ -50,10 +50,10 @@ def test_a_scripted_input_at_a_face_of_u_is_in_u(speed, number):
 
 def test_agents_that_get_a_group_of_their_own_keep_slot_and_run():
     table = read_table("guaranteed")
-    whole, apart = load(table), load(separated(table, load(table), {"5"}))
-    assert [group.names for group in apart.agents] == [("1", "2", "3"), ("4",), ("5",)]
-    assert [group.slots for group in apart.agents][1:] == [(2,), (3,)]
-    assert [group.spread for group in apart.agents][1] == whole.agents[1].spread
+    whole, parts = load(table), load(separated(table, load(table), {"5"}))
+    assert [group.names for group in parts.agents] == [("1", "2", "3"), ("4",), ("5",)]
+    assert [group.slots for group in parts.agents][1:] == [(2,), (3,)]
+    assert [group.spread for group in parts.agents][1] == whole.agents[1].spread
 
 
 @pytest.mark.parametrize("name", ["guaranteed", "unicycles", "swarm2d", "surrounded", "quadrotors"])

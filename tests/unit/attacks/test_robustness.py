@@ -64,15 +64,15 @@ def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
 
 def test_a_pair_that_is_under_a_certificate_throughout_has_what_is_left_of_it():
     overrides = {"duration": 0.3}
-    found = evaluate(load("guaranteed", overrides))
-    assert found.summary.outcome == "guaranteed"
-    assert found.least >= 1.0
-    assert len(found.pairs) == len(build_swarm(load("guaranteed", overrides)).safe_set.pairs)
+    robustness = evaluate(load("guaranteed", overrides))
+    assert robustness.summary.outcome == "guaranteed"
+    assert robustness.least >= 1.0
+    assert len(robustness.pairs) == len(build_swarm(load("guaranteed", overrides)).safe_set.pairs)
 
 
 def test_pairs_without_a_normal_agent_do_not_count():
     turned = {"agents": ["1"], "kind": "turn", "at": 0.0}
-    found = evaluate(one_on_one([0.0, -1.1], faults=[turned]))
-    assert found.summary.excluded
-    assert found.pairs == {}
-    assert found.summary.outcome != "violated"
+    robustness = evaluate(one_on_one([0.0, -1.1], faults=[turned]))
+    assert robustness.summary.excluded
+    assert robustness.pairs == {}
+    assert robustness.summary.outcome != "violated"

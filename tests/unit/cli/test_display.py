@@ -69,8 +69,8 @@ def test_without_a_terminal_it_is_a_line_now_and_then(capsys, monkeypatch, every
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setattr(display, "_EVERY", every)
     with display.progress_of_runs(400) as show:
-        for done in range(0, 400, 80):
-            show("cma-es", done, f"{done} [violated]")
+        for count in range(0, 400, 80):
+            show("cma-es", count, f"{count} [violated]")
     printed = capsys.readouterr()
     assert printed.out == ""
     lines_printed = printed.err.splitlines()

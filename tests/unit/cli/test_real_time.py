@@ -51,5 +51,5 @@ def test_from_the_environment_it_is_for_engines_that_have_a_hub(tmp_path, monkey
     """And so are secrets."""
     monkeypatch.setenv("PHALANX_REAL_TIME", "1")
     monkeypatch.setenv("PHALANX_SECRET", "s")
-    asked = ["run", "one-on-one", "--engine", "in-process", "--set", "duration=0.1"]
-    assert status([*asked, "--no-report", "--out", str(tmp_path)]) == 0
+    command = ["run", "one-on-one", "--engine", "in-process", "--set", "duration=0.1"]
+    assert status([*command, "--no-report", "--out", str(tmp_path)]) == 0

@@ -118,8 +118,8 @@ def test_an_empty_argument_is_refused_with_its_place(capsys):
 
 def test_a_plant_does_not_write_over_a_recording(tmp_path, capsys):
     (tmp_path / "recording.mcap").write_bytes(b"kept")
-    asked = ["plant", "--scenario", "unicycles", "--run", "r", "--folder", str(tmp_path)]
-    assert status(asked) == USAGE_ERROR
+    command = ["plant", "--scenario", "unicycles", "--run", "r", "--folder", str(tmp_path)]
+    assert status(command) == USAGE_ERROR
     assert "--folder: expected one without a recording" in capsys.readouterr().err
     assert (tmp_path / "recording.mcap").read_bytes() == b"kept"
 
@@ -127,8 +127,8 @@ def test_a_plant_does_not_write_over_a_recording(tmp_path, capsys):
 def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(tmp_path, capsys):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         endpoint = f"tcp/127.0.0.1:{listener.getsockname()[1]}"
-        asked = ["plant", "--scenario", "one-on-one", "--run", "r", "--listen", endpoint]
-        assert status([*asked, "--folder", str(tmp_path)]) == 3
+        command = ["plant", "--scenario", "one-on-one", "--run", "r", "--listen", endpoint]
+        assert status([*command, "--folder", str(tmp_path)]) == 3
     assert f"cannot listen on {endpoint}" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
@@ -144,8 +144,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("at", ["99", "nan", "-1"])
 def test_a_picture_of_a_time_outside_the_run_is_refused(recording, tmp_path, capsys, at):
     picture = tmp_path / "p.png"
-    asked = ["export", str(recording), "--png", str(picture), f"--at={at}"]
-    assert status(asked) == USAGE_ERROR
+    command = ["export", str(recording), "--png", str(picture), f"--at={at}"]
+    assert status(command) == USAGE_ERROR
     assert "--at: expected 0 to " in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
@@ -170,8 +170,8 @@ def test_a_recording_is_not_written_over_by_what_is_made_of_it(
 ):
     before, link = recording.read_bytes(), tmp_path / "link"
     link.symlink_to(recording)
-    asked = command.format(recording, link if linked else recording)
-    assert status(asked.split()) == USAGE_ERROR
+    arguments = command.format(recording, link if linked else recording)
+    assert status(arguments.split()) == USAGE_ERROR
     assert "expected another file than the recording" in capsys.readouterr().err
     assert recording.read_bytes() == before
 

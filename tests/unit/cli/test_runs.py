@@ -43,9 +43,9 @@ def test_a_folder_without_runs_says_how_to_make_one(tmp_path, capsys):
 
 def printed(scenario: str, out: Path, capsys: pytest.CaptureFixture[str], *sets: str) -> str:
     """Run a scenario for a moment; return the summary with single spaces."""
-    asked = ["run", scenario, "--engine", "in-process", "--no-report", "--out", str(out)]
+    command = ["run", scenario, "--engine", "in-process", "--no-report", "--out", str(out)]
     chosen = [part for each in ("duration=0.2", *sets) for part in ("--set", each)]
-    assert status([*asked, *chosen]) == 0
+    assert status([*command, *chosen]) == 0
     return " ".join(capsys.readouterr().out.split())
 
 

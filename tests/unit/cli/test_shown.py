@@ -17,10 +17,10 @@ COMMAND = re.compile(r"^\s*(phalanx (?:run|check) [^#\n]*)", re.MULTILINE)
 
 def commands() -> Iterator[str]:
     """Every command shown that names a scenario which ships."""
-    for place in PLACES:
-        for shown in COMMAND.findall(place.read_text(encoding="utf-8")):
-            if shown.split()[2] in shipped():
-                yield re.sub(r"\[.*?\]", "", shown).strip()
+    for path in PLACES:
+        for text in COMMAND.findall(path.read_text(encoding="utf-8")):
+            if text.split()[2] in shipped():
+                yield re.sub(r"\[.*?\]", "", text).strip()
 
 
 @pytest.mark.parametrize("command", sorted(set(commands())))

@@ -43,7 +43,7 @@ def opened(**endpoints: str) -> zenoh.Session:
 
 def lingering(port: int) -> list[int]:
     """Seconds for which each of this process's connections at a port lingers; -1: it does not."""
-    found = []
+    messages = []
     for descriptor in map(int, os.listdir("/proc/self/fd")):
         try:
             connection = socket.socket(fileno=descriptor)
@@ -54,12 +54,12 @@ def lingering(port: int) -> list[int]:
             if connection.family == socket.AF_INET and connection.getsockname()[1] == port and peer:
                 option = connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
                 on, seconds = struct.unpack("ii", option)
-                found.append(seconds if on else -1)
+                messages.append(seconds if on else -1)
         except OSError:
             pass
         finally:
             connection.detach()
-    return found
+    return messages
 
 
 def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
@@ -104,11 +104,11 @@ print(max(counts) > 1)
 @pytest.mark.parametrize("kept", [False, True])
 def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(kept: bool):
     # Zenoh's threads outlive its sessions: in this process another test may have kept their state.
-    said = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", COUNT_CALLBACKS, str(kept)],
         capture_output=True, text=True, check=True, cwd=ROOT,
     )  # fmt: skip
-    assert said.stdout.strip() == str(kept), (
+    assert process.stdout.strip() == str(kept), (
         "phalanx/wire/zenoh_sessions.py: keep_thread_state may go"
     )
 

@@ -53,8 +53,8 @@ def test_a_false_broadcast_is_in_its_senders_lane():
     rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = np.arange(10.0)
     run = past(*((IN_TIME, 4.5, lied) for lied in (False, True, True)))
-    drawn = lanes(run, [agent_series(rows)] * 3, [2.0] * 3, (0.0, 10.0), 10.0, 200)
-    np.testing.assert_array_equal(drawn.false, np.outer([0, 1, 0], np.arange(10) == 4))
+    traces = lanes(run, [agent_series(rows)] * 3, [2.0] * 3, (0.0, 10.0), 10.0, 200)
+    np.testing.assert_array_equal(traces.false, np.outer([0, 1, 0], np.arange(10) == 4))
 
 
 def test_of_many_steps_there_are_as_many_intervals_as_asked_for():

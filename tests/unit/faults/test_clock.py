@@ -118,8 +118,8 @@ def test_a_silent_sensor_has_no_measurement_error():
 
 
 def test_noise_is_drawn_by_sample_and_as_large_as_declared():
-    found, x = sensors(noise={"y": 0.1})
-    errors = [found.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
-    again = [found.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
+    sensed, x = sensors(noise={"y": 0.1})
+    errors = [sensed.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
+    again = [sensed.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
     assert errors == again
     assert np.std(errors) == pytest.approx(0.1, rel=0.1)

@@ -93,9 +93,9 @@ def test_every_writer_of_a_file_writes_it_whole():
             tree = ast.parse(file.read_text("utf-8"))
             fine = {"part"} | in_memory(tree)
             calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-            found = [call for call in calls if writes(call) and not fine & names_of(call)]
-            if found and str(file.relative_to(ROOT)) not in IN_NEW_FOLDERS:
-                loose += [f"{file.relative_to(ROOT)}:{call.lineno}" for call in found]
+            unsafe = [call for call in calls if writes(call) and not fine & names_of(call)]
+            if unsafe and str(file.relative_to(ROOT)) not in IN_NEW_FOLDERS:
+                loose += [f"{file.relative_to(ROOT)}:{call.lineno}" for call in unsafe]
     assert loose == []
 
 

@@ -261,12 +261,12 @@ def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng)
         x = 0.2 * swarm.start() + rng.uniform(-3, 3, swarm.safe_set.x.numel())
         near = None if i % 2 else rng.random(len(agent.pairs)) < 0.5
         held.append(HeldInput(agent, x, rng.uniform(-1, 1, inputs), near))
-    for each, found in zip(held, every.proven(held), strict=True):
-        assert (found == each.agent(each.x, each.u, each.near)).all()
-        assert found.shape == (len(each.agent.pairs),)
-        if each.near is not None:
-            assert (found[~each.near] == each.agent.longest).all()
-        near_enough += np.count_nonzero((found > 0.0) & (found < each.agent.longest))
+    for item, times in zip(held, every.proven(held), strict=True):
+        assert (times == item.agent(item.x, item.u, item.near)).all()
+        assert times.shape == (len(item.agent.pairs),)
+        if item.near is not None:
+            assert (times[~item.near] == item.agent.longest).all()
+        near_enough += np.count_nonzero((times > 0.0) & (times < item.agent.longest))
     assert near_enough > 2
 
 
@@ -299,8 +299,8 @@ def test_a_certificate_is_of_a_pairs_own_dynamics_whatever_equals_them():
 def test_obstacles_are_pairs_too():
     members = [Member("a", SingleIntegrator(1.0), False)]
     pair = compose(members, [Sphere((3.0, 0.0), 1.0)], Separation(1.0), 1.0).alone(0)
-    found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
-    time = held(found, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
+    certificate = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
+    time = held(certificate, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
     assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
 
 
@@ -314,12 +314,12 @@ def test_obstacles_are_pairs_too():
 )
 def test_one_is_certified_up_to_where_the_smooth_distance_is_the_clearance(obstacle):
     swarm = compose([Member("a", SingleIntegrator(1.0), False)], [obstacle], Separation(1.0), 1.0)
-    found = pair_certificate(swarm.alone(0), 0, [Linear(1.0)], [0.3], TAU)
-    apart, u = np.array([[1.47, 0.3]]), np.array([1.0, 0.0])
-    time = held(found, apart[0], u)
+    certificate = pair_certificate(swarm.alone(0), 0, [Linear(1.0)], [0.3], TAU)
+    x, u = np.array([[1.47, 0.3]]), np.array([1.0, 0.0])
+    time = held(certificate, x[0], u)
     assert time > 0.0
-    assert obstacle.distances(apart + 1.3 * time * u)[0] >= obstacle.clearance
-    assert obstacle.distances(apart + 1.25 * 1.3 * time * u)[0] < obstacle.clearance
+    assert obstacle.distances(x + 1.3 * time * u)[0] >= obstacle.clearance
+    assert obstacle.distances(x + 1.25 * 1.3 * time * u)[0] < obstacle.clearance
 
 
 @given(seed=seeds)

@@ -58,8 +58,8 @@ def windows(dynamics: Dynamics, size: float, change: float, longest: float = 0.1
     """Draw windows of 1 % to all of `longest`; the disturbance has this norm and this change."""
     n, m = len(dynamics.states), len(dynamics.inputs)
     table = Draws(0, "ledger", type(dynamics).__name__, width=3 * n + m + 1)
-    drawn = np.array([table[k] for k in range(WINDOWS)])
-    x, one, two, inputs, when = np.split(drawn, np.cumsum([n, n, n, m]), axis=1)
+    numbers = np.array([table[k] for k in range(WINDOWS)])
+    x, one, two, inputs, when = np.split(numbers, np.cumsum([n, n, n, m]), axis=1)
     corners = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", n))).corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     before, u = 2.0 * x - 1.0, low + (high - low) * inputs
@@ -70,8 +70,8 @@ def windows(dynamics: Dynamics, size: float, change: float, longest: float = 0.1
     return Windows(before, np.array(after).T, u, seconds, begin, end)
 
 
-def direction(drawn: np.ndarray) -> np.ndarray:
-    centred = drawn - 0.5
+def direction(numbers: np.ndarray) -> np.ndarray:
+    centred = numbers - 0.5
     return centred / np.linalg.norm(centred, axis=1, keepdims=True)
 
 
@@ -88,12 +88,12 @@ def truly(dynamics: Dynamics) -> ca.Function:
     whole = step.fold(STEPS)(ca.vertcat(z[:-1], 0), *(ca.repmat(p, 1, STEPS) for p in (v, a, b, h)))
     start = ca.MX.sym("start", x.numel())
     end_of = ca.Function("end", [z, v, a, b, h], [whole[:-1]])
-    found = ca.Function("truly", [start, v, a, b, h], [end_of(ca.vertcat(start, 0), v, a, b, h)])
-    return found.map(WINDOWS)
+    motion = ca.Function("truly", [start, v, a, b, h], [end_of(ca.vertcat(start, 0), v, a, b, h)])
+    return motion.map(WINDOWS)
 
 
-def explained(dynamics: Dynamics, drawn: Windows) -> np.ndarray:
-    return DisturbanceLedger(dynamics).explain(*drawn[:4]).size
+def explained(dynamics: Dynamics, motions: Windows) -> np.ndarray:
+    return DisturbanceLedger(dynamics).explain(*motions[:4]).size
 
 
 def test_all_shipped_dynamics_are_tried():
@@ -104,21 +104,21 @@ def test_all_shipped_dynamics_are_tried():
 @pytest.mark.parametrize("size", [0.0, 1e-3, 0.3])
 def test_a_constant_disturbance_is_found_and_never_understated(dynamics, size):
     explanation = DisturbanceLedger(dynamics).explain(*windows(dynamics, size, 0.0)[:4])
-    found, norms = explanation.size, np.linalg.norm(explanation.phi, axis=1)
-    assert (found >= size).all()
-    np.testing.assert_allclose(norms, found, rtol=1e-15, err_msg="the judge sees the disturbance")
-    assert (found <= 1.05 * size + 1e-4 * (size == 0.0)).all()
+    sizes, norms = explanation.size, np.linalg.norm(explanation.phi, axis=1)
+    assert (sizes >= size).all()
+    np.testing.assert_allclose(norms, sizes, rtol=1e-15, err_msg="the judge sees the disturbance")
+    assert (sizes <= 1.05 * size + 1e-4 * (size == 0.0)).all()
 
 
 @pytest.mark.parametrize("dynamics", MODELS, ids=lambda model: type(model).__name__)
 def test_a_linear_disturbance_is_understated_by_half_its_change_at_most(dynamics):
     # To first order in the length: angles that swing at 18 rad/s turn through half a radian.
     longest = 0.03 if isinstance(dynamics, IdentifiedQuadrotor) else 0.1
-    change, drawn = 0.1, windows(dynamics, 0.3, 0.1, longest)
-    found = explained(dynamics, drawn)
-    assert (found >= drawn.largest - 0.55 * change).all()
-    assert (found <= 1.05 * drawn.largest).all()
-    assert (found < drawn.largest).any()
+    change, motions = 0.1, windows(dynamics, 0.3, 0.1, longest)
+    sizes = explained(dynamics, motions)
+    assert (sizes >= motions.largest - 0.55 * change).all()
+    assert (sizes <= 1.05 * motions.largest).all()
+    assert (sizes < motions.largest).any()
 
 
 def test_a_model_that_is_wrong_needs_a_disturbance():
@@ -140,14 +140,14 @@ def test_a_recorded_run_gives_its_drawn_disturbances_back(name, tmp_path):
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
     recording = read(run.folder)
     swarm = swarm_of(recording)
-    for i, found in enumerate(disturbances_of(recording, swarm)):
+    for i, explanation in enumerate(disturbances_of(recording, swarm)):
         model, n = swarm.groups[i].disturbance, len(swarm.members[i].dynamics.states)
         source = RandomDisturbance(swarm.seeds, swarm.names[i], model, n)
-        middle = np.array([source.line(t).at(t) for t in found.t + found.seconds / 2])
-        allowed = 2.0 * model.bound * found.seconds / model.every  # half of a knot's jump
-        assert (np.linalg.norm(found.phi - middle, axis=1) <= allowed + 1e-6).all()
-        assert (found.size <= 1.001 * model.bound).all()
-        assert len(found.t) > 4
+        middle = np.array([source.line(t).at(t) for t in explanation.t + explanation.seconds / 2])
+        allowed = 2.0 * model.bound * explanation.seconds / model.every  # half of a knot's jump
+        assert (np.linalg.norm(explanation.phi - middle, axis=1) <= allowed + 1e-6).all()
+        assert (explanation.size <= 1.001 * model.bound).all()
+        assert len(explanation.t) > 4
 
 
 @pytest.fixture(scope="module")

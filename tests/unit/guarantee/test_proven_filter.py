@@ -24,11 +24,11 @@ HIJACK = [{"kind": "hijack", "at": 6.0, "agents": ["2"]}]
 
 def controllers(information: str) -> tuple[DistributedController, DistributedController]:
     """Agent 1 of Simulation 1, without and with proofs."""
-    made = []
+    both = []
     for prove in (False, True):
         changes = {**PAIRS, "safety.information": information, "safety.prove": prove}
-        made.append(DistributedController(build_rows(build_swarm(load("unicycles", changes))), 0))
-    return made[0], made[1]
+        both.append(DistributedController(build_rows(build_swarm(load("unicycles", changes))), 0))
+    return both[0], both[1]
 
 
 @pytest.mark.slow
@@ -37,9 +37,9 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
     plain, proving = controllers(information)
     swarm = build_swarm(load("unicycles", {**PAIRS, "safety.information": information}))
     agent, start = SwarmCertificates(swarm).of(0), swarm.start()
-    draws, seen, replaced = Draws(5, "crowded", width=5), tuple(range(5)), 0
+    draws, visible, replaced = Draws(5, "crowded", width=5), tuple(range(5)), 0
     own, other = (swarm.safe_set.parts[l] for l in (0, 3))
-    corners = build_rows(swarm).terms(0)(start, seen).polytopes[0].corners
+    corners = build_rows(swarm).terms(0)(start, visible).polytopes[0].corners
     for k in range(200):
         # Agent 4 is close to agent 1, on any side of it: nearly unsafe, but not yet.
         x, (far, angle, *turned, _) = start.copy(), draws[k].tolist()
@@ -49,7 +49,7 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
         ahead = 0.25 * np.array([f(6.3 * t) for f in (np.cos, np.sin) for t in turned])
         x[other.start] = x[own.start] + ahead[0] - ahead[1] + distance * np.cos(6.3 * angle)
         x[other.start + 1] = x[own.start + 1] + ahead[2] - ahead[3] + distance * np.sin(6.3 * angle)
-        first, second = (c(x, seen, float(k), {}).decision for c in (plain, proving))
+        first, second = (c(x, visible, float(k), {}).decision for c in (plain, proving))
         before, after = (float(agent(x, d.u).min()) for d in (first, second))
         if before >= agent.tau:
             assert (second.u == first.u).all()
@@ -76,12 +76,12 @@ def test_quiet_pairs_are_looked_at_again_while_their_proof_lasts_as_long_as_an_i
     close = far.copy()
     close[other.start] = close[own.start] + 1.2
     close[other.start + 1] = close[own.start + 1]
-    seen = tuple(range(5))
+    visible = tuple(range(5))
     for later, looked in ((14.9, False), (15.1, True)):
         proofs = ProvenFilter(rows, 0, rows.filter(0)).proofs
-        assert proofs.near(FilterInput(0.0, far, seen, None, np.zeros(2), {})) is None
-        found = proofs.near(FilterInput(later * tau, close, seen, None, np.zeros(2), {}))
-        assert (found is not None) == looked
+        assert proofs.near(FilterInput(0.0, far, visible, None, np.zeros(2), {})) is None
+        near = proofs.near(FilterInput(later * tau, close, visible, None, np.zeros(2), {}))
+        assert (near is not None) == looked
 
 
 @pytest.mark.slow
@@ -97,13 +97,13 @@ def test_a_pair_is_proven_no_longer_because_another_pair_is_looked_at(later, is_
         x[parts[l].start] += 1.2 * side
         return x
 
-    proofs, seen = ProvenFilter(rows, 0, rows.filter(0)).proofs, tuple(range(5))
+    proofs, visible = ProvenFilter(rows, 0, rows.filter(0)).proofs, tuple(range(5))
     four = near_agent_1(x, 3, 1.0)
-    first = proofs.near(FilterInput(0.0, four, seen, None, np.zeros(2), {}))
+    first = proofs.near(FilterInput(0.0, four, visible, None, np.zeros(2), {}))
     assert first is not None
     assert proofs.others[first.pairs].tolist() == [3]
     both = near_agent_1(four, 4, -1.0)
-    second = proofs.near(FilterInput(later * tau, both, seen, None, np.zeros(2), {}))
+    second = proofs.near(FilterInput(later * tau, both, visible, None, np.zeros(2), {}))
     assert second is not None
     assert (4 in proofs.others[second.pairs]) == is_looked_at
 

@@ -35,9 +35,9 @@ def test_pairs_left_out_are_certified_for_as_long_as_any_certificate_lasts(name,
         near = around.near(i, others, step * 0.01, x)
         # Whatever it does now: its input has no part in it.
         u = rng.uniform(-0.5, 0.5, len(inputs[i].inputs))
-        asked, given = agent(x, u), agent(x, u, near)
-        assert (asked == given).all()
-        assert (asked[~near] == MULTIPLES[0] * agent.tau).all()
+        times, near_times = agent(x, u), agent(x, u, near)
+        assert (times == near_times).all()
+        assert (times[~near] == MULTIPLES[0] * agent.tau).all()
         left_out += int((~near).sum())
         pushed = rng.uniform(-0.5, 0.5, sum(len(d.inputs) for d in inputs))
         x = motion.steps(1, x, pushed, still, still, 0.01)[0][0]
@@ -48,8 +48,8 @@ def test_pairs_left_out_are_certified_for_as_long_as_any_certificate_lasts(name,
 @pytest.mark.parametrize("function", ["ShortSighted", "Reaches"])
 def test_the_reach_of_a_users_function_leaves_no_agent_out(function):
     radius = ", radius = 1.0" if function == "ShortSighted" else ""
-    own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
-    swarm = swarm_of_scenario("swarm2d", own)
+    override = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
+    swarm = swarm_of_scenario("swarm2d", override)
     coverage, x = Coverage(swarm), swarm.start()
     i, j = swarm.normal[:2]
     x[swarm.safe_set.parts[j]] = x[swarm.safe_set.parts[i]] + [1.5, 0.0, 0.0]
@@ -92,8 +92,8 @@ def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_
     """It lasts 8 periods of 0.05 s, and boxes are kept for half of one."""
     swarm = three_on_a_line_and_a_sphere()
     function = swarm.safety.safe_set_function
-    apart, to_obstacle = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
-    for where, other in (([apart, 0.0], 0), ([0.0, 50.0 - to_obstacle], 3)):
+    distance, to_obstacle = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
+    for where, other in (([distance, 0.0], 0), ([0.0, 50.0 - to_obstacle], 3)):
         x = np.array([0.0, 0.0, -500.0, 0.0, *where])
         near = ReachableBoxes(swarm, function).near(2, np.array([other]), 0.0, x)
         assert near.tolist() == [met]

@@ -63,9 +63,9 @@ def test_every_number_of_a_state_is_compared(twins, field):
 def test_every_number_of_a_step_but_its_wall_time_is_compared(twins, field, value):
     first, second = twins
     setattr(second.steps[5], field, value)
-    found = first_difference(first, second)
-    assert found.startswith("step 5, agent ")
-    assert f" s: {field}" in found
+    difference = first_difference(first, second)
+    assert difference.startswith("step 5, agent ")
+    assert f" s: {field}" in difference
 
 
 def test_a_run_that_is_shorter_differs(twins):

@@ -181,7 +181,7 @@ def test_a_metric_of_ones_own_is_a_function_of_the_run():
 
 
 @pytest.mark.parametrize(
-    ("own", "expected"),
+    ("metric", "expected"),
     [
         ({"mine": lambda run: "far"}, "mine: expected a number, or numbers by agent's name"),
         ({"mine": lambda run: {"z": 1.0}}, "mine: expected names of agents, got 'z'"),
@@ -190,9 +190,9 @@ def test_a_metric_of_ones_own_is_a_function_of_the_run():
         ({"seed": lambda run: 1.0}, "seed: expected a name that no other column has"),
     ],
 )
-def test_a_mistaken_metric_of_ones_own_is_one_line(own, expected):
+def test_a_mistaken_metric_of_ones_own_is_one_line(metric, expected):
     with pytest.raises(ValueError, match=expected):
-        phalanx.metrics.of(SimpleNamespace(recording=recording_of()), **own)
+        phalanx.metrics.of(SimpleNamespace(recording=recording_of()), **metric)
 
 
 def test_the_task_in_words():

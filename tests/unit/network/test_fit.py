@@ -37,11 +37,11 @@ def captured(count: int = 20_000, **fields: object) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_what_a_model_did_is_fitted_by_that_model(name):
-    asked = MODELS[name]
-    table = fit(read_capture(captured(**asked))).table
+    model = MODELS[name]
+    table = fit(read_capture(captured(**model))).table
     LinkTable.model_validate(table)
-    assert set(table) == set(asked)
-    for field, value in asked.items():
+    assert set(table) == set(model)
+    for field, value in model.items():
         if isinstance(value, dict):
             assert set(table[field]) == set(value)
             for key, part in value.items():

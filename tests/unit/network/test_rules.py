@@ -80,14 +80,14 @@ def test_a_narrow_link_carries_one_message_after_the_other():
 @pytest.mark.parametrize("limit", [1, 2, 3, 8])
 def test_a_queue_takes_what_comes_exactly_while_it_holds_less_than_its_limit(limit: int):
     link = Link(0, "a", "b", model(rate={"bits_per_second": 51_200.0, "limit": limit}))
-    through, sent = list[float](), 0.0
+    through, t_sent = list[float](), 0.0
     for k, pause in enumerate(np.random.default_rng(1).uniform(0.0, 0.03, 500)):
-        sent += pause
-        held = sum(t > sent for t in through)
-        delay = link.fate(k, sent=sent).delay
+        t_sent += pause
+        held = sum(t > t_sent for t in through)
+        delay = link.fate(k, sent=t_sent).delay
         assert (delay is not None) == (held < limit)
         if delay is not None:
-            through.append(sent + delay)
+            through.append(t_sent + delay)
 
 
 def test_what_comes_in_a_slot_is_delivered_at_its_end():

@@ -7,11 +7,11 @@ from phalanx_plant.world.events import InputApplied, StateReached
 
 
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
-    found = TrajectoryHash()
+    trajectory = TrajectoryHash()
     state = np.full(15, x)
     applied = InputApplied(i, k, t, t, np.array([u, 0.0]), state)
-    found.add([Judged(StateReached(t, state, [])), Judged(applied)])
-    return found.hexadecimal
+    trajectory.add([Judged(StateReached(t, state, [])), Judged(applied)])
+    return trajectory.hexadecimal
 
 
 def test_the_hash_changes_with_the_last_bit_of_any_state_or_input_with_agent_step_and_time():

@@ -147,9 +147,9 @@ def test_the_report_is_short_and_says_what_it_leaves_out(
 
 def test_a_recordings_size_is_given_for_each_agent_and_second(crowded: Recording) -> None:
     size = crowded.path.stat().st_size
-    each = size / (19 * crowded.states[-1].t)
+    size_each = size / (19 * crowded.states[-1].t)
     assert size_in_words(crowded) == (
-        f"{size / 1e6:.3g} MB, {each / 1e3:.3g} kB for each agent and second of virtual time"
+        f"{size / 1e6:.3g} MB, {size_each / 1e3:.3g} kB for each agent and second of virtual time"
     )
 
 

@@ -52,12 +52,12 @@ def lines(axes: Axes) -> dict[str, int]:
 
 
 def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recording) -> None:
-    sent = broadcasts(lossy)
+    table = broadcasts(lossy)
     fates = [fate for step in lossy.steps for fate in step.fates]
-    assert len(sent) > 0.9 * len(fates)  # the silent agent's own were never sent
-    assert np.mean(sent.fate == FATES.index(LOST)) == pytest.approx(0.3, rel=0.3)
+    assert len(table) > 0.9 * len(fates)  # the silent agent's own were never sent
+    assert np.mean(table.fate == FATES.index(LOST)) == pytest.approx(0.3, rel=0.3)
     steps = {i: [s.t for s in lossy.steps if s.agent == str(i + 1)] for i in range(5)}
-    for b in sent:
+    for b in table:
         between = [t for t in steps[b.receiver] if b.sent < t < b.arrival]
         assert (FATES[b.fate] == LATE) == (FATES[b.fate] != LOST and len(between) > 0)
 
@@ -107,9 +107,9 @@ def test_of_many_agents_the_zoom_shows_twelve_with_the_worst_pair(tmp_path: Path
     figure = space_time(ReportHistory(recording))
     assert figure is not None
     whole, zoom = figure.axes
-    named = [text.get_text() for text in zoom.get_yticklabels()]
-    assert len(named) == 12
-    assert {"n0", "n15"} <= set(named)
+    labels = [text.get_text() for text in zoom.get_yticklabels()]
+    assert len(labels) == 12
+    assert {"n0", "n15"} <= set(labels)
     assert "7 more not drawn" in zoom.get_ylabel()
     assert len(whole.get_yticks()) == 19
 

@@ -107,8 +107,8 @@ def test_faults_act_on_the_links_that_they_concern_in_their_order():
         ("1", "3"): ["faults.0", "faults.2", "faults.1"],
         ("3", "1"): ["faults.0", "faults.2"],
     }
-    held = links.model("2", "3").stages
-    assert held[-1].field == "faults.1"
+    stages = links.model("2", "3").stages
+    assert stages[-1].field == "faults.1"
 
 
 LATE = {"kind": "link", "at": 1.0, "for": 0.5, "delay": 0.6}

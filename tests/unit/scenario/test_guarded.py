@@ -78,11 +78,11 @@ def mistake(call: Any, *arguments: Any) -> str:
 
 @pytest.mark.parametrize(("kind", "method"), CALLS)
 def test_a_method_that_fails_is_named_with_file_and_line(kind, method):
-    said = mistake(getattr(instance(kind, "raises"), method))
-    assert said.startswith(
+    message = mistake(getattr(instance(kind, "raises"), method))
+    assert message.startswith(
         f"Failing.{method}: expected no error, got ZeroDivisionError: division by zero ("
     )
-    assert said.endswith(f"test_guarded.py, line {LINE})")
+    assert message.endswith(f"test_guarded.py, line {LINE})")
 
 
 @pytest.mark.parametrize(("kind", "method"), CALLS)

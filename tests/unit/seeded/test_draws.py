@@ -81,10 +81,10 @@ def gaps(clock: SamplingClock, count: int = 3000) -> np.ndarray:
 @given(seed=st.integers(0, 2**63 - 1), share=st.floats(0.0, 0.99))
 def test_gaps_lie_within_the_period_plus_or_minus_the_jitter(seed, share):
     period, jitter = 0.01, 0.01 * share
-    found = gaps(SamplingClock(seed, "1", period, jitter), 50)
-    assert found.min() >= period - jitter - 1e-12
-    assert found.max() <= period + jitter + 1e-12
-    assert found.min() > 0.0
+    times = gaps(SamplingClock(seed, "1", period, jitter), 50)
+    assert times.min() >= period - jitter - 1e-12
+    assert times.max() <= period + jitter + 1e-12
+    assert times.min() > 0.0
 
 
 def test_gaps_use_the_whole_range_about_the_period():

@@ -98,8 +98,8 @@ def test_outcomes_are_listed_by_gravity_and_a_row_without_h_after_those_with_one
     outcomes = "refused", "guaranteed", "safe", "stopped", "broken", "violated"
     rows = [{"outcome": outcome, "seed": i} for i, outcome in enumerate(outcomes)]
     rows += [{"outcome": "broken", "seed": 7, "worst_h": -3.0}]
-    found = listed(page(frame(rows), tmp_path, []))
-    assert [row[0] for row in found] == ["5", "6", "4", "3", "2", "1", "0"]
+    lines = listed(page(frame(rows), tmp_path, []))
+    assert [row[0] for row in lines] == ["5", "6", "4", "3", "2", "1", "0"]
 
 
 def test_searched_rows_are_listed_and_enter_no_interval(tmp_path, markup):

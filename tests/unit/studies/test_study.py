@@ -142,8 +142,8 @@ def test_an_axis_that_changes_no_trajectory_is_named(tmp_path, capsys, trajector
     printed = capsys.readouterr().out
     page = study.page(tmp_path / "page.html").read_text("utf-8")
     for text in (printed, page):
-        named = re.findall(r"([\w.]+) changes no trajectory", text)
-        assert named == idle
+        fields = re.findall(r"([\w.]+) changes no trajectory", text)
+        assert fields == idle
 
 
 def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):

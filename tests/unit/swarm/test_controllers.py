@@ -216,10 +216,10 @@ def test_an_object_that_cannot_be_named_is_refused():
 
 
 def test_its_inputs_count_as_its_own_and_no_row_is_claimed():
-    found = run("none").summary
-    origins = {Origin(name): count for name, count in found.origins.items() if count}
+    summary = run("none").summary
+    origins = {Origin(name): count for name, count in summary.origins.items() if count}
     assert set(origins) <= {Origin.CONTROLLER, Origin.PROJECTED}
-    assert "non-empty K_i" not in {each.name for each in found.theorem}
+    assert "non-empty K_i" not in {each.name for each in summary.theorem}
     assert "controller" not in run("none", **{"agents.0.controller": None}).summary.origins
 
 
@@ -244,9 +244,9 @@ def test_what_it_asks_for_is_the_certificate_of_the_verdict():
     inputs = phalanx.run(scenario, engine="in-process").inputs
     import keeping
 
-    asked = {(str(view.i + 1), view.t): found for view, found in keeping.seen}
+    asked_inputs = {(str(view.i + 1), view.t): found for view, found in keeping.seen}
     for row in inputs.filter(inputs["origin"] == Origin.CONTROLLER).iter_rows(named=True):
-        assert asked[row["agent"], row["t"]] == row["certified"]
+        assert asked_inputs[row["agent"], row["t"]] == row["certified"]
 
 
 def test_what_it_notes_is_in_the_inputs():

@@ -30,8 +30,8 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
     """Around the start, ever closer together, shape (count, n̄)."""
     start = rows.swarm.start()
     size = np.abs(start).max() + 2.0
-    drawn = np.random.default_rng(5).uniform(-size, size, (count, len(start)))
-    return (start + drawn) / (1 + np.arange(count) % 7)[:, None]
+    states = np.random.default_rng(5).uniform(-size, size, (count, len(start)))
+    return (start + states) / (1 + np.arange(count) % 7)[:, None]
 
 
 # Faults leave the safe set as it is.

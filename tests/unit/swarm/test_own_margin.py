@@ -134,6 +134,6 @@ def test_a_table_of_a_built_in_name_is_that_name():
     assert table.margin == "local"
     assert table.bounds_margin
     x = np.array([-2.0, 0.0, 2.0, 0.0])
-    named = [load("own.toml", {"safety.margin": m}) for m in ("local", {"type": "local"})]
-    a, b = (require_runnable(build_swarm(s)).pair_terms(0)(x).margin for s in named)
+    scenarios = [load("own.toml", {"safety.margin": m}) for m in ("local", {"type": "local"})]
+    a, b = (require_runnable(build_swarm(s)).pair_terms(0)(x).margin for s in scenarios)
     assert a.tolist() == b.tolist()

@@ -91,15 +91,20 @@ def test_an_agents_inputs_do_not_depend_on_the_roles_of_others(composition, law,
 def test_rows_bind_at_some_of_these_states_so_that_roles_could_have_mattered(tmp_path):
     rows = rows_with("nnnn", "pairs", tmp_path)
     controller = DistributedController(rows, 0)
-    made = [controller(x, (0, 1, 2, 3), 0.0, {}) for x in crowded_states(rows)]
-    changed = [not np.allclose(step.decision.u, step.u_nom) for step in made]
+    results = [controller(x, (0, 1, 2, 3), 0.0, {}) for x in crowded_states(rows)]
+    changed = [not np.allclose(step.decision.u, step.u_nom) for step in results]
     assert sum(changed) > 5
 
 
 def test_an_agent_composes_its_own_pairs_alone(tmp_path):
     rows = rows_with("nnna", "lse", tmp_path)
-    own = rows.seen_by(1).swarm.safe_set
-    assert [own.label(pair) for pair in own.pairs] == ["2-1", "2-3", "2-4", "2-obstacle 0"]
+    view = rows.seen_by(1).swarm.safe_set
+    assert [view.label(pair) for pair in view.pairs] == [
+        "2-1",
+        "2-3",
+        "2-4",
+        "2-obstacle 0",
+    ]
     adversary = rows.seen_by(3)
     assert adversary is rows
 

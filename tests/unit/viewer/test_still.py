@@ -30,5 +30,5 @@ def test_a_picture_before_the_first_input_brings_no_warnings(tmp_path: Path) -> 
     late = phalanx.load("unicycles", {"duration": 0.05, "time.latency": 0.004})
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        shown = picture(late, 0.0, tmp_path / "first.png")
-    assert np.ptp(shown) == 1.0
+        first_picture = picture(late, 0.0, tmp_path / "first.png")
+    assert np.ptp(first_picture) == 1.0
