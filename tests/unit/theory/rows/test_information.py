@@ -14,9 +14,7 @@ def test_in_flight_trusts_an_input_only_while_no_newer_one_can_be_in_force():
     heard = {1: AnnouncedInput(0.5, (1.0, 1.0))}
     assert list(PLENTY.usable(heard, 0.5079)) == [1]
     assert list(PLENTY.usable(heard, 0.5081)) == []
-
-
-def test_in_flight_does_not_trust_the_input_of_an_agent_that_may_sample_at_this_very_instant():
+    # Nor at the very instant at which it may sample.
     assert PLENTY.usable({1: AnnouncedInput(0.1, (1.0, 1.0))}, 0.1 + 0.008) == {}
 
 
