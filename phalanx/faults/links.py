@@ -34,8 +34,6 @@ class Partition(TimedFault):
     """Agents that stay connected; all agents in no group form one more group."""
     shape: Shape | None = None
     """Instead of groups: agents that stay connected are drawn at random."""
-    one_way: bool = False
-    """Cut only the links out of the first group."""
 
     @model_validator(mode="after")
     def _groups_or_shape(self) -> Self:
@@ -45,8 +43,6 @@ class Partition(TimedFault):
         for name in members:
             if members.count(name) > 1:
                 raise field_error(("groups",), f"expected {name!r} in one group", members)
-        if self.shape and self.one_way:
-            raise field_error(("one_way",), "expected groups: it cuts links out of the first", True)
         return self
 
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
@@ -68,7 +64,7 @@ class Partition(TimedFault):
             draws = Draws(run.seeds.at(self.at), "partition", str(index))
             cut = links_cut(self.shape, run.names, draws)
         else:
-            cut = links_between(self._complete(run.names), self.one_way)
+            cut = links_between(self._complete(run.names))
         dropped = (self.during(Cut()),)
         return lambda link: dropped if link.of == "broadcast" and link[:2] in cut else ()
 
@@ -130,12 +126,11 @@ class Hold:
         return delay(self.end - message.t) if in_time else DELIVER
 
 
-def links_between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset[Ends]:
-    """Return the links between different groups; one way: only those out of the first group."""
+def links_between(groups: Sequence[Sequence[str]]) -> frozenset[Ends]:
+    """Return the links between different groups."""
     return frozenset(
         (sender, receiver)
-        for n, (a, b) in enumerate(itertools.permutations(groups, 2))
-        if not one_way or n < len(groups) - 1
+        for a, b in itertools.permutations(groups, 2)
         for sender in a
         for receiver in b
     )

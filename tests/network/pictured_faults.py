@@ -95,7 +95,6 @@ ALONGSIDE: Mapping[str, Overrides] = {
 """What goes wrong without the fault too: without a delay it would do nothing."""
 TIMES: Mapping[str, Overrides] = {
     "partition, groups": _during("partition", groups=[[AGENT]]),
-    "partition, one_way": _during("partition", groups=[[AGENT]], one_way=True),
     'partition, shape = "majority"': _during("partition", shape="majority"),
     'partition, shape = "ring"': _during("partition", shape="ring"),
     'partition, shape = "isolate"': _during("partition", shape="isolate"),

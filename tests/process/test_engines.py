@@ -36,7 +36,7 @@ VARIANTS = {
     },
     "faults of a time": {
         "faults": [
-            {"kind": "partition", "at": 0.2, "for": 0.4, "groups": [["1", "4"]], "one_way": True},
+            {"kind": "partition", "at": 0.2, "for": 0.4, "groups": [["1", "4"]]},
             {"kind": "partition", "at": 0.9, "for": 0.2, "shape": "ring"},
             {"kind": "hold", "at": 0.6, "for": 0.3, "from": "2"},
             {"kind": "link", "at": 1.1, "for": 0.3, "loss": 0.5, "delay": 0.01},

@@ -25,11 +25,6 @@ def test_groups_receive_from_themselves_alone():
         assert all(heard_by(cut, name) == set(group) for name in group)
 
 
-def test_one_way_only_what_leaves_the_first_group_is_lost():
-    cut = links_between([["1"], ["2", "3"], ["4"]], one_way=True)
-    assert cut == {("1", "2"), ("1", "3"), ("1", "4")}
-
-
 def test_a_majority_is_parted_from_the_rest():
     cut = links_cut("majority", NAMES, draws())
     groups = {frozenset(heard_by(cut, name)) for name in NAMES}
