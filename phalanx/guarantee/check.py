@@ -80,9 +80,10 @@ def check(
     progress("inputs at the start")
     model, computed = swarm.safety.information_model, swarm.safety.computes_margin
     normal = {i: swarm.names[i] for i in swarm.normal}
+    psi = rows.invariants()(x).reshape(-1, rows.relative_degree)
     report = CheckReport(
         relative_degree=rows.relative_degree,
-        psi_at_start=_psi(rows, x),
+        psi_at_start=tuple(psi.max(axis=0).tolist()),
         eta_paper={name: None if computed else rows.margin(i).eta for i, name in normal.items()},
         formula=of_all,
         pair_formula=of_pair,
@@ -129,12 +130,6 @@ def _efforts(rows: SafetyRows) -> tuple[float, float]:
         raise ScenarioError(f"{rows.swarm.scenario.name}: at the start {error}") from error
 
 
-def _psi(rows: SafetyRows, x: Array) -> tuple[float, ...]:
-    """Return the largest ψ_0, ..., ψ_{q-1} of all rows at a state, shape (n̄,)."""
-    psi = rows.invariants()(x).reshape(-1, rows.relative_degree)
-    return tuple(psi.max(axis=0).tolist())
-
-
 def _boundary_condition(
     rows: SafetyRows, x: Array, low: Array, high: Array
 ) -> BoundaryCondition | None:
@@ -142,7 +137,8 @@ def _boundary_condition(
     inside = rows.invariants()
     if (inside(x) > 0).any():
         return None
-    evaluate = rows.terms_of_all(_largest_margin(rows))
+    # Margins that are computed in the run count as 0.
+    evaluate = rows.terms_of_all(max(rows.margin(i).eta for i in rows.swarm.normal))
     worst, states = -math.inf, 0
     seed = rows.swarm.seed
     for y in random_states(seed, "boundary", low, high, 10 * _SAMPLES):
@@ -153,8 +149,3 @@ def _boundary_condition(
         total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
         worst, states = max(worst, total), states + 1
     return BoundaryCondition(states, worst) if states else None
-
-
-def _largest_margin(rows: SafetyRows) -> float:
-    """Return the largest margin of the normal agents' rows for h_tot; 0 if computed in the run."""
-    return max(rows.margin(i).eta for i in rows.swarm.normal)

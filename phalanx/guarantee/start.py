@@ -234,15 +234,13 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
         sides = [reasons[l] for l in (pair.a, pair.b) if l in agents]
         if all(number in side for side in sides):
             refused[composed.label(pair)] = sides[0][number]
-    begun = {swarm.names[i]: longest_certificate(swarm, i, x) >= _needed(swarm, i) for i in agents}
+    begun = {}
+    for i in agents:
+        clock = swarm.groups[i].clock
+        until_next = swarm.time.latency or clock.period - clock.jitter
+        begun[swarm.names[i]] = longest_certificate(swarm, i, x) >= until_next
     h = swarm.pairs.choose(swarm.pairs.every).h(x)
     return CertifiedStart(bool((h <= 0.0).all()), refused, begun)
-
-
-def _needed(swarm: Swarm, i: int) -> float:
-    """Return for how long agent i's first input has to be certified [s]."""
-    clock = swarm.groups[i].clock
-    return swarm.time.latency or clock.period - clock.jitter
 
 
 def longest_certificate(swarm: Swarm, i: int, x: Array) -> float:

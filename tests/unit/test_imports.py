@@ -106,7 +106,7 @@ BUDGET: Mapping[str, int] = {
     "attacks": 1900,
     "cli": 1640,
     "faults": 1020,
-    "guarantee": 2360,
+    "guarantee": 2340,
     "hosts": 340,
     "launcher": 2280,
     "messages": 980,

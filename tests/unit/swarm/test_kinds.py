@@ -114,7 +114,7 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     compile_rows(rows)
     monkeypatch.setattr(rows.__class__, "own_pair", None)
     if not rows.swarm.safety.pairwise:
-        assert all("shared" in vars(kind) for kind in rows.swarm.pairs.kinds)
+        assert all("jets" in vars(kind) for kind in rows.swarm.pairs.kinds)
         return
     x = rows.swarm.start()
     for i in rows.swarm.normal:
