@@ -1,17 +1,22 @@
-"""The time promised before a run, in which no pair can become unsafe."""
+"""Facts of a start: whether K_i is empty, and the time promised before a run."""
 
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.guarantee import start
 from phalanx.guarantee.certificate import highest_within
-from phalanx.guarantee.start import Promise, promised
+from phalanx.guarantee.start import Promise, promised, rows_at_start
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.polytope import polytope
+from phalanx.theory.rows.decision import least_violation
+from phalanx.theory.rows.row import Rows
 
 ATTACKS = sorted((Path(__file__).parents[3] / "scenarios" / "attacks").glob("*.toml"))
 
@@ -25,9 +30,9 @@ def ahead(name: str, **fields: object) -> Promise:
 @given(gap=st.floats(0.01, 8.0))
 def test_two_agents_that_drive_at_each_other_meet_after_it(gap):
     """Each moves at 1 m/s: 1 m from one another after half the gap, and no sooner is promised."""
-    found = ahead("one-on-one", agents__1__start=[[0.0, -1.0 - gap]])
-    assert 0.5 * gap - 2e-3 <= found.time <= 0.5 * gap
-    assert found.pair == "1-2"
+    promise = ahead("one-on-one", agents__1__start=[[0.0, -1.0 - gap]])
+    assert 0.5 * gap - 2e-3 <= promise.time <= 0.5 * gap
+    assert promise.pair == "1-2"
 
 
 def test_agents_too_far_apart_to_meet_are_promised_the_whole_run():
@@ -48,16 +53,16 @@ def test_the_bound_of_a_kind_of_pair_is_built_once_for_all_times(monkeypatch):
 
 
 def test_nothing_is_promised_from_an_unsafe_start():
-    found = ahead("one-on-one", agents__1__start=[[0.0, -0.9]])
-    assert found == Promise(0.0, "1-2")
-    assert str(found).startswith("Nothing is promised ahead: no time is proven for 1-2")
+    promise = ahead("one-on-one", agents__1__start=[[0.0, -0.9]])
+    assert promise == Promise(0.0, "1-2")
+    assert str(promise).startswith("Nothing is promised ahead: no time is proven for 1-2")
 
 
 def test_the_nearest_of_many_pairs_counts():
     starts = [[9.0, 0.0], [0.0, 2.0], [-9.0, 0.0], [0.0, -9.0]]
-    found = ahead("surrounded", agents__1__start=starts)
-    assert found.pair == "1-3"
-    assert found.time == pytest.approx(0.5, abs=1e-3)
+    promise = ahead("surrounded", agents__1__start=starts)
+    assert promise.pair == "1-3"
+    assert promise.time == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("file", ATTACKS, ids=[file.stem for file in ATTACKS])
@@ -66,5 +71,23 @@ def test_attacks_that_ship_violate_later_than_promised(file):
     assert 0.0 < ahead(str(file)).time < float(when)
 
 
-def test_it_is_rounded_down_in_words():
+def test_a_promise_is_rounded_down_in_words():
     assert "Promised for the first 0.187 s: " in str(Promise(0.1879, "1-2"))
+
+
+def test_the_linear_program_says_what_the_vertices_say():
+    cube, answers = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)), set()
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        rows = Rows(rng.normal(size=(7, 3)), rng.normal(scale=0.6, size=7))
+        u = least_violation(cube, rows)
+        answers.add(start._solvable(cube, rows))
+        assert start._solvable(cube, rows) == bool((rows.a @ u <= rows.bound + 1e-9).all()), seed
+    assert answers == {True, False}
+
+
+def test_an_agent_that_sees_no_other_may_apply_any_input():
+    far = {"agents.0.start": [[0.0, 0.0], [900.0, 0.0]], "agents.0.names": ["1", "3"]}
+    alone = {**far, "safety.composition": "pairs", "safety.neighbourhood": 5.0}
+    scenario = load("one-on-one", {**alone, "agents.1.start": [[0.0, 500.0]]})
+    assert rows_at_start(build_rows(build_swarm(scenario))) == {"1": True, "3": True}
