@@ -119,7 +119,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2560,
     "swarm": 1380,
-    "theory": 8640,
+    "theory": 8600,
     "viewer": 5260,
     "wire": 700,
 }

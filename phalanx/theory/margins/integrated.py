@@ -110,47 +110,32 @@ def _at_most(values: Sequence[ca.SX], symbols: Sequence[ca.SX]) -> list[ca.SX]:
     return [bound.hi for bound in extend(values, symbols, list(map(point, symbols)))]
 
 
-def integrated_margin(
-    chain: Chain,
-    i: int,
-    horizon: float | ca.SX,
-    bounds: Sequence[float],
-    part: RowPart,
-) -> ca.SX:
-    """η of agent i's row: D + ½ τ g, or ½ D + τ g of a half; scalar, of the sampled state.
-
-    With α_q(ψ) = κ ψ and κ τ at most STEEPEST it keeps ψ_{q-1} <= 0. inf if there is no bound.
-
-    Args:
-        chain: of one pair, its D_k included.
-        i: place of the member with this row.
-        horizon: τ = Γ_i + δ_i^max [s].
-        bounds: φ_l^max of each member.
-        part: of the condition that the row keeps.
-
-    Raises:
-        ValueError: a member's U_l depends on the state.
-        UnboundedOperationError: an expression has no interval extension.
-    """
-    moving = enclose_all(chain.set, bounds, horizon, INFLATIONS)
-    bound = growth(chain.psi[-1], chain.set, i, moving, bounds, part)
-    # A half is compared at each instant, a whole row's excess averages out over the interval.
-    lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
-    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
-    margin = part.value * bound.disturbance + lasting * bound.bend + outside
-    return ca.if_else(bound.proven, margin, ca.inf)
-
-
 @dataclass(frozen=True)
 class IntegratedMargin:
     """A smaller bound computed at each sample, of a pair's row with a linear α_q.
+
+    η is D + ½ τ g, or ½ D + τ g of a half. With α_q(ψ) = κ ψ and κ τ at most STEEPEST it keeps
+    ψ_{q-1} <= 0.
 
     >>> isinstance(IntegratedMargin(), Margin)
     True
     """
 
     def at_sample(self, row: PairRow) -> ca.SX:
-        return integrated_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
+        """η of the row; inf if there is no bound.
+
+        Raises:
+            ValueError: a member's U_l depends on the state.
+            UnboundedOperationError: an expression has no interval extension.
+        """
+        chain = row.chain
+        moving = enclose_all(chain.set, row.bounds, row.horizon, INFLATIONS)
+        bound = growth(chain.psi[-1], chain.set, row.own, moving, row.bounds, row.part)
+        # A half is compared at each instant, a whole row's excess averages out over the interval.
+        lasting = 0.5 * row.horizon if row.part is RowPart.WHOLE else row.horizon
+        outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
+        margin = row.share * bound.disturbance + lasting * bound.bend + outside
+        return ca.if_else(bound.proven, margin, ca.inf)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:

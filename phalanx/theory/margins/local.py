@@ -15,62 +15,11 @@ from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.margins.enclosure import enclose_all, scalars, within
 from phalanx.theory.margins.margin import PairRow, RowPart
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.safety.chain import Chain
 
 UNKNOWN = ca.inf
 """The margin if there is no enclosure, or if h can jump: no row holds with it."""
 
 _INFLATIONS = (0.2, 0.1)
-
-
-def local_margin(
-    chain: Chain,
-    i: int,
-    horizon: float | ca.SX,
-    bounds: Sequence[float],
-    part: RowPart,
-) -> ca.SX:
-    """Bound on the growth of agent i's row, scalar, an expression of the sampled state.
-
-    Args:
-        chain: of one pair, its D_q included.
-        i: place of the member with this row.
-        horizon: τ = Γ_i + δ_i^max and the latency [s].
-        bounds: φ_l^max of each member.
-        part: of the condition that the row keeps.
-
-    Raises:
-        ValueError: a member's U_l depends on the state.
-        UnboundedOperationError: an expression has no interval extension.
-    """
-    moving = enclose_all(chain.set, bounds, horizon, _INFLATIONS)
-    numbers = scalars([chain.set.parameters])
-    fixed, symbols, intervals = within(moving, i, numbers, numbers)
-
-    share = part.value
-    slope = ca.jacobian(_row(chain, i, fixed, part), chain.set.x)
-    rates = ca.vertcat(*[e.rate + e.phi for e in moving])
-    growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
-    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
-    bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
-    # Comparisons are false for NaN, which max would ignore.
-    proven = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
-    # Rates do not bound a row or ψ that can jump: h must be C^{1,1}, as in the paper. ψ is tested
-    # too, since a derivative does not show a jump. α is class K and so continuous.
-    parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
-    smooth = continuous(scalars(parts), symbols, intervals)
-    for e in moving:
-        proven = ca.logic_and(e.certain, proven)
-    return ca.if_else(ca.logic_and(proven, smooth), bound, UNKNOWN)
-
-
-def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:
-    """Agent i's row without its margin, scalar; inputs: of all members."""
-    row = chain.actuation[i] @ inputs[i] + part.value * (ca.sum1(chain.drift) + chain.alpha)
-    if part is RowPart.WHOLE:
-        for l, c in enumerate(chain.actuation):
-            row += 0 if l == i else c @ inputs[l]
-    return row
 
 
 @dataclass(frozen=True)
@@ -82,4 +31,41 @@ class LocalMargin:
     """
 
     def at_sample(self, row: PairRow) -> ca.SX:
-        return local_margin(row.chain, row.own, row.horizon, row.bounds, row.part)
+        """The bound on the row's growth; inf where none is proven.
+
+        Raises:
+            ValueError: a member's U_l depends on the state.
+            UnboundedOperationError: an expression has no interval extension.
+        """
+        chain = row.chain
+        moving = enclose_all(chain.set, row.bounds, row.horizon, _INFLATIONS)
+        numbers = scalars([chain.set.parameters])
+        fixed, symbols, intervals = within(moving, row.own, numbers, numbers)
+
+        slope = ca.jacobian(_condition(row, fixed), chain.set.x)
+        rates = ca.vertcat(*[e.rate + e.phi for e in moving])
+        growth, disturbance = extend(
+            [slope @ rates, row.share * chain.disturbance], symbols, intervals
+        )
+        outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
+        bound = row.horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
+        # Comparisons are false for NaN, which max would ignore.
+        proven = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
+        # Rates do not bound a row or ψ that can jump: h must be C^{1,1}, as in the paper. ψ is
+        # tested too, since a derivative does not show a jump. α is class K and so continuous.
+        parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
+        smooth = continuous(scalars(parts), symbols, intervals)
+        for e in moving:
+            proven = ca.logic_and(e.certain, proven)
+        return ca.if_else(ca.logic_and(proven, smooth), bound, UNKNOWN)
+
+
+def _condition(row: PairRow, inputs: Sequence[ca.SX]) -> ca.SX:
+    """The row without its margin, scalar; inputs: of all members."""
+    chain, own = row.chain, row.own
+    condition = chain.actuation[own] @ inputs[own]
+    condition += row.share * (ca.sum1(chain.drift) + chain.alpha)
+    if row.part is RowPart.WHOLE:
+        for l, c in enumerate(chain.actuation):
+            condition += 0 if l == own else c @ inputs[l]
+    return condition

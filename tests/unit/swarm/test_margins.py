@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import integrated_margin
-from phalanx.theory.margins.local import local_margin
-from phalanx.theory.margins.margin import RowPart
+from phalanx.theory.margins.integrated import IntegratedMargin
+from phalanx.theory.margins.local import LocalMargin
+from phalanx.theory.margins.margin import PairRow, RowPart
 from tests.unit.swarms import rows_of_scenario
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "margin"), [("local", local_margin), ("integrated", integrated_margin)]
+    ("kind", "margin"), [("local", LocalMargin()), ("integrated", IntegratedMargin())]
 )
 def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(kind, margin):
     """Γ_i + δ_i^max and the latency: for so long its input may be in force."""
@@ -39,7 +39,8 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
             assert (RowPart.HALF in parts) == (other in swarm.normal)
             phi = [bounds[l] for l in members]
             for part, value in parts.items():
-                expression = margin(pair.chain, pair.side, horizon, phi, part)
+                row = PairRow(pair.chain, pair.side, part, horizon, tuple(phi))
+                expression = margin.at_sample(row)
                 state = np.concatenate([x[swarm.safe_set.parts[l]] for l in members])
                 expected = CompiledFunction([pair.chain.set.x], [expression])(state)[0]
                 assert value == pytest.approx(expected[0])

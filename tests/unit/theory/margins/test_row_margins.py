@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from examples.bicycles import Bicycle
 from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import STEEPEST, integrated_margin
-from phalanx.theory.margins.local import UNKNOWN, local_margin
-from phalanx.theory.margins.margin import RowPart
+from phalanx.theory.margins.integrated import STEEPEST, IntegratedMargin
+from phalanx.theory.margins.local import UNKNOWN, LocalMargin
+from phalanx.theory.margins.margin import PairRow, RowPart
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.wheeled import Unicycle
@@ -47,7 +47,7 @@ class Pair:
         self.size, self.parts = self.set.x.numel(), self.set.parts
         x = self.set.x
         self.corners = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", 9))).corners
-        etas = [integrated_margin(chain, l, TAU, PHI, part) for l in (0, 1)]
+        etas = [IntegratedMargin().at_sample(PairRow(chain, l, part, TAU, PHI)) for l in (0, 1)]
         unforced = part.value * (ca.sum1(chain.drift) + chain.alpha)
         V = chain.psi[-1]
         outputs = [V, ca.jacobian(V, x), unforced, ca.vertcat(*etas), *chain.actuation]
@@ -63,7 +63,8 @@ class Pair:
         if part is RowPart.WHOLE:
             row += gentle.actuation[1] @ us[1]
         self.row = CompiledFunction([x, *us], [row, part.value * gentle.disturbance])
-        self.local = CompiledFunction([x], [local_margin(gentle, 0, TAU, PHI, part)])
+        local = LocalMargin().at_sample(PairRow(gentle, 0, part, TAU, PHI))
+        self.local = CompiledFunction([x], [local])
 
     def barely(self, x, l, bound):
         """The input with the largest c u up to the bound; None if there is none."""
@@ -182,8 +183,8 @@ def test_at_the_boundary_of_simulation_1_it_lies_between_what_is_needed_and_the_
     unicycles = pair_of([Unicycle(4.0, 2.0, b), Unicycle(2.0, 1.0, b)])
     chain = build_chain(unicycles, [2.0], None, [phi, phi])
     both = [
-        margin(chain, 0, tau, [phi, phi], RowPart.WHOLE)
-        for margin in (integrated_margin, local_margin)
+        margin.at_sample(PairRow(chain, 0, RowPart.WHOLE, tau, (phi, phi)))
+        for margin in (IntegratedMargin(), LocalMargin())
     ]
     margins_at = CompiledFunction([unicycles.x], both)
     turning = sum(math.hypot(v, b * w) * (w + phi) for v, w in ((4.0, 2.0), (2.0, 1.0)))
@@ -210,7 +211,7 @@ def chain_of_integrators(h: object, *speeds: float, adversary: bool = False):
 
 def margin_at(x, margin, chain, part, tau=0.1):
     """The first agent's margin at a state of both."""
-    expression = margin(chain, 0, tau, [0.0, 0.0], part)
+    expression = margin.at_sample(PairRow(chain, 0, part, tau, (0.0, 0.0)))
     return CompiledFunction([chain.set.x], [expression])(np.array(x))[0][0]
 
 
@@ -236,7 +237,7 @@ THIN_WALL = Between(
     ],
     ids=["kink", "zone", "bearing", "thin wall"],
 )
-@pytest.mark.parametrize("margin", [local_margin, integrated_margin])
+@pytest.mark.parametrize("margin", [LocalMargin(), IntegratedMargin()])
 @pytest.mark.parametrize("part", RowPart)
 def test_there_is_no_margin_where_h_or_its_gradient_may_jump(
     function, near, far, most, margin, part
@@ -259,25 +260,26 @@ def test_without_an_enclosure_the_margin_is_beyond_every_row():
     bicycle, sphere = Bicycle(50.0, 50.0, 0.01), Sphere((5.0, 0.0), 1.0)
     composed = swarm_of([bicycle], adversaries=0, obstacles=[sphere]).composed
     chain = build_chain(composed, [1.0, 1.0], None, [1.0])
-    margin = CompiledFunction([composed.x], [local_margin(chain, 0, 10.0, [1.0], RowPart.WHOLE)])
+    row = PairRow(chain, 0, RowPart.WHOLE, 10.0, (1.0,))
+    margin = CompiledFunction([composed.x], [LocalMargin().at_sample(row)])
     assert margin(np.array([0.0, 0.0, 0.0, 20.0]))[0][0] > 1e20
 
 
 def test_a_margin_of_micrometres_is_not_taken_for_an_unknown_one():
     """Keep margins of 1e13 and more, which a row in units of 1e-9 m has."""
     chain = chain_of_integrators(Separation(1e9), 1e7, 1e7)
-    assert 1e12 < margin_at([2e9, 0.0, 0.0, 0.0], local_margin, chain, RowPart.HALF) < np.inf
+    assert 1e12 < margin_at([2e9, 0.0, 0.0, 0.0], LocalMargin(), chain, RowPart.HALF) < np.inf
 
 
 def test_a_margin_has_room_for_what_actuators_take_beyond_u():
     """The margin of a gap so short that only the allowance for actuators is left."""
     chain = chain_of_integrators(Separation(1.0), 1.5, 1.5, adversary=True)
-    margin = margin_at([0.0, 0.0, 2.0, 0.0], integrated_margin, chain, RowPart.WHOLE, 1e-14)
+    margin = margin_at([0.0, 0.0, 2.0, 0.0], IntegratedMargin(), chain, RowPart.WHOLE, 1e-14)
     assert margin == pytest.approx(ACTUATION * (4.0 + 4.0))
 
 
 def test_over_a_gap_the_bend_counts_half():
     """Agent a hardly moves: g = 4 m²/s² then, of what two inputs of b can differ in."""
     chain = chain_of_integrators(Separation(1.0), 1e-9, 1.0, adversary=True)
-    margin = margin_at([3.0, 0.0, 0.0, 0.0], integrated_margin, chain, RowPart.WHOLE, TAU)
+    margin = margin_at([3.0, 0.0, 0.0, 0.0], IntegratedMargin(), chain, RowPart.WHOLE, TAU)
     assert margin == pytest.approx(TAU / 2 * 4.0 + ACTUATION * (6.0 + 6.0), rel=1e-3)
