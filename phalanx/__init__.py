@@ -21,13 +21,11 @@ if TYPE_CHECKING:
     from phalanx.guarantee.check import check
     from phalanx.guarantee.check_report import CheckReport
     from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
-    from phalanx.launcher.engine import Engine, EngineError
-    from phalanx.launcher.run import Run
+    from phalanx.launcher.engine import Engine, EngineError, RunOptions
+    from phalanx.launcher.run import Run, run
     from phalanx.launcher.run import open_run as open
-    from phalanx.launcher.run import verify_run as verify
-    from phalanx.launcher.start import run
     from phalanx.launcher.stepped import SteppedRun, start
-    from phalanx.launcher.verify import Verification
+    from phalanx.launcher.verify import Verification, verify
     from phalanx.messages.kinds import Status
     from phalanx.recording import metrics
     from phalanx.recording.read import UnreadableRecordingError
@@ -48,6 +46,7 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "open_study",
     "metrics",
     "Run",
+    "RunOptions",
     "SteppedRun",
     "Study",
     "Scenario",

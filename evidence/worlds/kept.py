@@ -16,8 +16,7 @@ import phalanx
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
-from phalanx.studies.identity import Identity
-from phalanx.studies.row import Row, row_of
+from phalanx.studies.row import Identity, Row, row_of
 from phalanx.studies.work import Job, compute
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from phalanx.attacks.knobs import Fields
-from phalanx.attacks.trial import START, robustness_of
+from phalanx.attacks.robustness import START, robustness_of
 from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text

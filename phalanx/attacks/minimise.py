@@ -7,9 +7,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import phalanx
-from phalanx.attacks.robustness import Evaluation, evaluate
+from phalanx.attacks.robustness import Evaluation, evaluate, nearest, shortfall
 from phalanx.attacks.shrinking import Fields, shrink, size_of
-from phalanx.attacks.trial import nearest, shortfall
 from phalanx.guarantee.start import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack

@@ -10,9 +10,8 @@ from typing import Any
 import tomli_w
 
 from phalanx.attacks.archive import Behaviour, Find, write_finds
-from phalanx.attacks.knobs import space_of
+from phalanx.attacks.knobs import WITHIN, preset, space_of
 from phalanx.attacks.page import write_attack_page
-from phalanx.attacks.presets import WITHIN, preset
 from phalanx.attacks.search import History, Options, Search, declaration
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack

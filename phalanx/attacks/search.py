@@ -15,15 +15,21 @@ from typing import Any
 from phalanx.attacks.archive import Archive, Find, find_of
 from phalanx.attacks.knobs import Fields, Point, Space
 from phalanx.attacks.optimisers import OPTIMISERS
-from phalanx.attacks.robustness import scales_of
-from phalanx.attacks.trial import START, measured, robustness_of
+from phalanx.attacks.robustness import START, measured, robustness_of, scales_of
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load
 from phalanx.schema.user_code import imported_sources
-from phalanx.studies.identity import Identity, digest_of_modules, versions
-from phalanx.studies.row import BROKEN, Row, json_text, row_from
+from phalanx.studies.row import (
+    BROKEN,
+    Identity,
+    Row,
+    digest_of_modules,
+    json_text,
+    row_from,
+    versions,
+)
 from phalanx.studies.store import Store
 from phalanx.studies.work import Executing, Job, Task, compute
 from phalanx.swarm.swarm import Swarm, build_swarm

@@ -73,7 +73,7 @@ def compile_scenario(
     """
     import phalanx
     from phalanx.cli.display import spinner
-    from phalanx.launcher.compiling import compile_scenario
+    from phalanx.launcher.simulation import compile_scenario
 
     resolved = phalanx.load(scenario, overrides or (), seed, trust=trust)
     with spinner("compiling") as show:

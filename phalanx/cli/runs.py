@@ -101,7 +101,7 @@ def verify(
     try:
         recorded = phalanx.open(run, trust=trust)
         with progress(recorded.scenario) as show:
-            verification = recorded.verify(engine=engine, seed=seed, progress=show)
+            verification = phalanx.verify(recorded, engine=engine, seed=seed, progress=show)
     except KeyboardInterrupt:
         echo_error("stopped")
         return exit_status(Outcome.STOPPED)

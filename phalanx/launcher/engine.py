@@ -87,7 +87,23 @@ def silent(_: object) -> None:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """The options of a run, as phalanx.run describes them.
+    """The options of a run; phalanx.run takes them as keywords.
+
+    Args:
+        engine: "processes", every program a process of its own over Zenoh, or "in-process", the
+            same control steps called directly; both give the same trajectory to the last bit.
+        out: of phalanx.run: folder in which the run gets a folder of its own. By default a
+            temporary one, removed with the returned object; pickling the object copies its files.
+        progress: called a few times a second with the run's status, perhaps in another thread.
+        commands: the secret of those who may command the run, its speed, and scheduled commands.
+        listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
+        secret: seals the run's messages; by default random.
+        announce: called with the run's folder when viewers can connect.
+        profile: measure where every program's wall time goes; see Run.profile.
+        real_time: seconds of virtual time per second of wall time; the plant then waits for no
+            agent, and Summary.punctuality counts what was missed or late. By default lockstep.
+        agents_per_process: agents that share a process of engine "processes". Each keeps its own
+            session, keys and inbox; it takes less memory, and start-up less time.
 
     Raises ValueError: there is no such engine, it does not support one of the other options, or
     a callback cannot be called.
@@ -95,6 +111,7 @@ class RunOptions:
 
     engine: str = DEFAULT_ENGINE
     _: KW_ONLY
+    out: str | Path | None = None
     progress: Progress = silent
     commands: CommandPolicy = NO_COMMANDS
     listen: str | None = None

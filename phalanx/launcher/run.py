@@ -1,18 +1,21 @@
-"""A finished run: its verdict, tables, report and page, and how to repeat it."""
+"""phalanx.run, and the run that it returns: verdict, tables, report and page."""
 
+import inspect
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol
 
+from phalanx.faults.commands import require_valid
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
+from phalanx.launcher.engine import RunOptions, execute, require_functions, silent
 from phalanx.messages.profile import read_profile
 from phalanx.recording.read import Recording, read, swarm_of
 from phalanx.recording.records import PROFILE
+from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.schema.extensions import extension
 from phalanx.swarm.swarm import Swarm
@@ -20,7 +23,9 @@ from phalanx.swarm.swarm import Swarm
 if TYPE_CHECKING:
     import polars as pl
 
-    from phalanx.launcher.verify import Verification
+P = ParamSpec("P")
+Source = Scenario | str | Path
+"""A scenario as load returns it, or a file or name that load takes."""
 
 
 class Page(AbstractContextManager["Page"], Protocol):
@@ -196,28 +201,6 @@ class Run:
         page: Page = extension("page")(self._opened, port)
         return page
 
-    def verify(
-        self,
-        *,
-        engine: str = DEFAULT_ENGINE,
-        seed: int | None = None,
-        progress: Progress = silent,
-    ) -> "Verification":
-        """Run it again and compare the trajectories bit by bit.
-
-        Args:
-            engine: the engine to run it on.
-            seed: another seed, to see where the trajectories depart.
-            progress: as run takes it.
-
-        Raises:
-            EngineError: it cannot be run again.
-            ValueError: there is no such engine.
-        """
-        from phalanx.launcher.verify import verify
-
-        return verify(self.recording, engine=engine, seed=seed, progress=progress)
-
     def judge_again(self) -> Summary:
         """Judge the recorded inputs again, without the agents that decided them.
 
@@ -259,25 +242,76 @@ def open_run(folder: str | Path, *, trust: bool = False) -> Run:
     return Run(recording.path.parent, recording.summary, recording=recording)
 
 
-def verify_run(
-    run: Run | str | Path,
-    *,
-    engine: str = DEFAULT_ENGINE,
-    progress: Progress = silent,
-    trust: bool = False,
-) -> "Verification":
-    """Run a recording's scenario again and compare the trajectories bit by bit.
+def _with_keywords(
+    options: Callable[P, RunOptions],
+) -> Callable[[Callable[[Source, RunOptions], Run]], Callable[Concatenate[Source, P], Run]]:
+    """Let a function of a scenario and options take the options' fields as keywords."""
+
+    def decorated(
+        function: Callable[[Source, RunOptions], Run],
+    ) -> Callable[Concatenate[Source, P], Run]:
+        def with_keywords(scenario: Source, *engine: P.args, **keywords: P.kwargs) -> Run:
+            return function(scenario, options(*engine, **keywords))
+
+        scenario, _ = inspect.signature(function).parameters.values()
+        keywords = inspect.signature(options).parameters.values()
+        signature = inspect.Signature([scenario, *keywords], return_annotation=Run)
+        vars(with_keywords)["__signature__"] = signature
+        update_wrapper(with_keywords, function)
+        return with_keywords  # type: ignore[return-value]  # scenario may be a keyword
+
+    return decorated
+
+
+@_with_keywords(RunOptions)
+def run(scenario: Source, options: RunOptions) -> Run:
+    """Run a scenario to its verdict.
 
     Args:
-        run: a finished run, or its folder.
-        engine: the engine to run it on.
-        progress: as run takes it.
-        trust: as open takes it.
+        scenario: as load returns it, or a file or name that load takes.
+        options: as keywords, such as engine="in-process": RunOptions describes them.
+
+    Returns:
+        The finished run, also if it was stopped by Ctrl-C or broke on the way: see its verdict.
 
     Raises:
-        UnreadableRecordingError: there is no recording, or none that can be read.
-        EngineError: it cannot be run again.
-        ValueError: there is no such engine.
+        ScenarioError: the scenario cannot be run.
+        EngineError: the run could not begin, or ended without a verdict.
+        ValueError: RunOptions refuses an option, or a scheduled command is invalid.
+        OSError: no folder can be made.
     """
-    finished = run if isinstance(run, Run) else open_run(run, trust=trust)
-    return finished.verify(engine=engine, progress=progress)
+    if not isinstance(scenario, Scenario):
+        scenario = load(scenario)
+    names = tuple(name for group in scenario.named() for name in group.names)
+    require_valid(options.commands.schedule, names)
+    temporary, parent = folder_for_runs(options.out)
+    name, folders = scenario.name, list[Path]()
+
+    def make_folder() -> Path:
+        folders.append(new_folder(parent, name))
+        return folders[0]
+
+    summary = execute(scenario, make_folder, options)
+    return Run(folders[0], summary, temporary)
+
+
+def folder_for_runs(
+    out: str | Path | None,
+) -> "tuple[tempfile.TemporaryDirectory[str] | None, Path]":
+    """Return the parent of a run's folder: a new temporary one, removed with its object, or out."""
+    if out is not None:
+        return None, Path(out)
+    temporary = tempfile.TemporaryDirectory(prefix="phalanx-")
+    return temporary, Path(temporary.name)
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Create the next free folder <parent>/<name>-<n>. Raises OSError."""
+    parent.mkdir(parents=True, exist_ok=True)
+    n = 1
+    while True:
+        try:
+            (folder := parent / f"{name}-{n}").mkdir()
+            return folder
+        except FileExistsError:
+            n += 1

@@ -8,7 +8,7 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Generator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,11 @@ from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.native import build, missing, require_compiler
 
 _OPTIONS = RunOptions("in-process")
+_PATIENCE = 20.0
+"""Wall time of the run that shows which functions are needed, at most [s]."""
 
 
 def run_in_process(
@@ -225,3 +228,25 @@ class DirectAgents(NoProcesses):
     def publish_status(self, message: Status) -> None:
         """Call the run's progress callback."""
         self._progress(message)
+
+
+def compile_scenario(scenario: Scenario, progress: Callable[[int, int], None]) -> int:
+    """Compile the functions that the scenario's runs call, unless the cache has them.
+
+    A run in this process, or the beginning of a long one, shows which these are. Progress is called
+    with the number compiled, and of all that will be.
+
+    Returns the number compiled. Raises ScenarioError, and OSError if there is no compiler, it
+    fails, or the cache cannot be written.
+    """
+    require_compiler()
+    # If the run breaks, what it called until then is known.
+    with missing() as functions, suppress(*ENDINGS):
+        rows = require_runnable(build_swarm(scenario))
+        compile_rows(rows)
+        run, end = Simulation(rows), time.monotonic() + _PATIENCE
+        while time.monotonic() < end and run.advance(steps=1):
+            pass
+        run.finish("long enough")
+    build(functions, lambda count: progress(count, len(functions)))
+    return len(functions)

@@ -4,7 +4,6 @@ It is the in-process engine's run: the same control steps, plant and recording, 
 """
 
 import math
-import tempfile
 import weakref
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
@@ -19,9 +18,8 @@ from phalanx.faults.commands import (
     require_valid,
 )
 from phalanx.launcher.engine import RunOptions
-from phalanx.launcher.run import Run
+from phalanx.launcher.run import Run, folder_for_runs, new_folder
 from phalanx.launcher.simulation import Simulation
-from phalanx.launcher.start import new_folder
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
@@ -71,8 +69,7 @@ class SteppedRun(AbstractContextManager["SteppedRun"]):
     def __init__(self, rows: SafetyRows, out: str | Path | None, options: RunOptions) -> None:
         """Begin at t = 0; start describes out."""
         self._swarm, self._schedule = rows.swarm, options.commands.schedule
-        self._temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
-        parent = Path(self._temporary.name if self._temporary else out or "")
+        self._temporary, parent = folder_for_runs(out)
         self.folder = new_folder(parent, rows.swarm.scenario.name)
         """The run's folder, with its recording."""
         self._simulation = Simulation(rows, self.folder, options)

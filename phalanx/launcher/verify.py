@@ -18,6 +18,7 @@ from phalanx.launcher.engine import (
     execute,
     silent,
 )
+from phalanx.launcher.run import Run
 from phalanx.network.inbox import AnnouncedInput
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step, StepData
@@ -54,19 +55,35 @@ class Verification:
 
 
 def verify(
-    recorded: Recording,
+    run: Run | Recording | str | Path,
     *,
     engine: str = DEFAULT_ENGINE,
     seed: int | None = None,
     progress: Progress = silent,
+    trust: bool = False,
 ) -> Verification:
-    """Run a recording's scenario and commands again up to its last state, and compare.
+    """Run a recording's scenario and commands again and compare the trajectories bit by bit.
 
-    Of a run in real time only the agents' decisions are computed again.
+    Of a run in real time only the agents' decisions are computed again. A recording that was cut
+    short is compared up to its last state.
 
-    Raises as Run.verify; EngineError also if the run breaks though it did not when it was recorded,
-    or if there is nothing to compare. Raises KeyboardInterrupt: the run was stopped.
+    Args:
+        run: a finished run, its recording, or its folder.
+        engine: the engine to run it on.
+        seed: another seed, to see where the trajectories depart.
+        progress: as run takes it.
+        trust: as open takes it.
+
+    Raises:
+        UnreadableRecordingError: there is no recording, or none that can be read.
+        EngineError: it cannot be run again, breaks though it did not when it was recorded, or
+            holds nothing to compare.
+        ValueError: there is no such engine.
+        KeyboardInterrupt: the run was stopped.
     """
+    recorded = run.recording if isinstance(run, Run) else run
+    if not isinstance(recorded, Recording):
+        recorded = read(Path(recorded), trust)
     # Faults that the scenario declares happen again without a command.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     options = RunOptions(engine, progress=progress, commands=commands)

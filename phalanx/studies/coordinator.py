@@ -18,9 +18,17 @@ from phalanx.launcher import interrupt
 from phalanx.scenario.model import ScenarioError
 from phalanx.schema.user_code import imported_sources
 from phalanx.seeded.draws import Draws
-from phalanx.studies.identity import Identity, digest_of_modules, digest_of_scenario, versions
 from phalanx.studies.plan import Case, Plan, Point
-from phalanx.studies.row import BROKEN, REFUSED, Row, json_text
+from phalanx.studies.row import (
+    BROKEN,
+    REFUSED,
+    Identity,
+    Row,
+    digest_of_modules,
+    digest_of_scenario,
+    json_text,
+    versions,
+)
 from phalanx.studies.statistics import runs_until_width
 from phalanx.studies.store import Store
 from phalanx.studies.work import Executing, Job, Task, compute, confirm

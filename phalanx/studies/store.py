@@ -18,9 +18,17 @@ import polars as pl
 import tomli_w
 
 from phalanx.files import whole_file
-from phalanx.studies.identity import Identity, versions, versions_of_libraries
 from phalanx.studies.plan import Plan
-from phalanx.studies.row import SCHEMA, Row, fields_of, flat, json_text
+from phalanx.studies.row import (
+    SCHEMA,
+    Identity,
+    Row,
+    fields_of,
+    flat,
+    json_text,
+    versions,
+    versions_of_libraries,
+)
 
 PLAN, ROWS = "study.toml", "rows.parquet"
 _JOURNAL, _LOCK, _VERSIONS = "rows.journal", "lock", "versions.json"

@@ -19,7 +19,7 @@ from phalanx.cli.display import progress_of_runs
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run
-from phalanx.launcher.start import run as run_scenario
+from phalanx.launcher.run import run as run_scenario
 from phalanx.scenario.model import Scenario
 from phalanx.schema.extensions import extension
 from phalanx.schema.registry import as_table

@@ -17,8 +17,7 @@ from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.recording.read import swarm_of
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
-from phalanx.studies.identity import Identity
-from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
+from phalanx.studies.row import BROKEN, REFUSED, Identity, Row, row_of
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import shared_rows
 from phalanx.theory.expressions.user_methods import MistakenMethodError

@@ -193,7 +193,7 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     noted = [run.inputs.select("agent", "k", "note.ages", "note.heard") for run in runs]
     assert noted[0].equals(noted[1])
     assert noted[0]["note.heard"].max() == 2.0
-    verification = runs[1].verify(engine="in-process")
+    verification = phalanx.verify(runs[1], engine="in-process")
     assert verification, verification.difference
 
 

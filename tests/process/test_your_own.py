@@ -220,8 +220,8 @@ def test_what_a_users_classes_remember_is_each_agents_own_in_both_engines(
     scenario = phalanx.load("own.toml", safety)
     run = phalanx.run(scenario, engine="in-process")
     assert run.verdict in (Outcome.GUARANTEED, Outcome.SAFE)
-    assert run.verify(engine="processes")
-    assert run.verify(engine="in-process")
+    assert phalanx.verify(run, engine="processes")
+    assert phalanx.verify(run, engine="in-process")
 
 
 FAILING = """

@@ -15,8 +15,7 @@ from phalanx_certify.checker.motions import GroupMotion, MotionCheck
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.run import Run
-from phalanx.launcher.start import run
+from phalanx.launcher.run import Run, run
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.scenario.load import load

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.attacks.knobs import Point, separated, space_of
-from phalanx.attacks.presets import preset
+from phalanx.attacks.knobs import Point, preset, separated, space_of
 from phalanx.scenario.load import load, read_table
 from phalanx.scenario.model import ScenarioError
 

@@ -56,4 +56,4 @@ def test_what_is_no_function_is_refused_before_anything_is_made(tmp_path: Path) 
     with refused:
         run.report(progress=True)
     with refused:
-        run.verify(progress=True)
+        phalanx.verify(run, progress=True)

@@ -74,4 +74,4 @@ def test_its_recording_carries_it_and_is_verified():
     scenario = phalanx.load("unicycles", {**SHORT, "reseed": [{"at": AT, "seed": 8}]})
     run = phalanx.run(scenario, engine="in-process")
     assert [(each.at, each.seed) for each in phalanx.open(run.folder).scenario.reseed] == [(AT, 8)]
-    assert run.verify(engine="in-process")
+    assert phalanx.verify(run, engine="in-process")

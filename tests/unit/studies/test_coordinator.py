@@ -12,9 +12,8 @@ import pytest
 
 from phalanx.scenario.load import load
 from phalanx.studies.coordinator import Coordinator, Inventory, identity_of, missing_by_reason
-from phalanx.studies.identity import Identity, digest_of_scenario
 from phalanx.studies.plan import plan_from
-from phalanx.studies.row import Row
+from phalanx.studies.row import Identity, Row, digest_of_scenario
 from phalanx.studies.store import Store
 from phalanx.studies.work import MOST_ATTEMPTS, Job, compute, confirm
 

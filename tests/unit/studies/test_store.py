@@ -5,9 +5,8 @@ import resource
 import polars as pl
 import pytest
 
-from phalanx.studies.identity import Identity
 from phalanx.studies.plan import plan_from
-from phalanx.studies.row import Row
+from phalanx.studies.row import Identity, Row
 from phalanx.studies.store import ROWS, Store, StudyError
 
 PLAN = plan_from({"scenario": "unicycles"})

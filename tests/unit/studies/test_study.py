@@ -8,9 +8,8 @@ import pytest
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.scenario.load import read_table, scenario_text
 from phalanx.scenario.model import ScenarioError
-from phalanx.studies.identity import Identity
 from phalanx.studies.plan import Plan, plan_from
-from phalanx.studies.row import Row, without_effect
+from phalanx.studies.row import Identity, Row, without_effect
 from phalanx.studies.store import Store
 from phalanx.studies.study import Study, open_study, study
 

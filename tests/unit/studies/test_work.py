@@ -7,7 +7,7 @@ import pytest
 
 import phalanx
 from phalanx.scenario.load import read_table
-from phalanx.studies.identity import Identity
+from phalanx.studies.row import Identity
 from phalanx.studies.work import Job, compute
 from tests.layers import layered
 

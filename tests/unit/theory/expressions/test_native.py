@@ -11,7 +11,7 @@ import pytest
 
 import phalanx
 from phalanx.cli.app import FAILED, status
-from phalanx.launcher.compiling import compile_scenario
+from phalanx.launcher.simulation import compile_scenario
 from phalanx.theory.expressions import native as module
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.native import COMPILER, FOLDER, build, missing, native

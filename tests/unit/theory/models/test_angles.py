@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from phalanx_viewer.scene.model import Kinematics
 
-from phalanx.attacks.presets import preset
+from phalanx.attacks.knobs import preset
 from phalanx.guarantee.formula import workspace
 from phalanx.scenario.load import load, read_table
 from phalanx.swarm.swarm import build_swarm
