@@ -1,0 +1,181 @@
+"""Small changes of a room's code, drawn by a seed: Cosmic Ray's operators, and three of our own.
+
+mutmut was not chosen: its third version skips decorated functions, and wants to run the tests.
+Nothing is changed in annotations, in texts of errors, and in f-strings.
+"""
+
+import random
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from difflib import SequenceMatcher
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import parso
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+from cosmic_ray.plugins import get_operator
+
+from tests.hostile.mutants import ROOT
+from tests.hostile.rooms import SEED, Room
+
+EQUIVALENT = ROOT / "tests/hostile/equivalent_mutants.toml"
+
+Node = Any  # parso has no base class of nodes that have a parent, a type and positions
+Position = tuple[tuple[int, int], tuple[int, int]]
+
+
+class _InPlace(Operator):
+    """An operator that puts one text in the place of a node of the syntax."""
+
+    def replacement(self, node: Node) -> tuple[Node, str] | None:
+        """Return a part of the node and what replaces it, if the operator applies to the node."""
+        raise NotImplementedError
+
+    def mutation_positions(self, node: Node) -> Iterator[Position]:
+        if change := self.replacement(node):
+            yield change[0].start_pos, change[0].end_pos
+
+    def mutate(self, node: Node, index: int) -> Node:
+        part, text = self.replacement(node)
+        new = parso.parse(part.get_first_leaf().prefix + text)
+        if part is node:
+            return new
+        node.children[node.children.index(part)] = new
+        return node
+
+    @classmethod
+    def examples(cls) -> tuple[()]:
+        return ()
+
+
+class Never(_InPlace):
+    """A guard that never holds: what developers forget, and AddNot does not show."""
+
+    def replacement(self, node: Node) -> tuple[Node, str] | None:
+        position = {"if_stmt": 1, "test": 2, "comp_if": 1}.get(node.type)
+        return None if position is None else (node.children[position], "False")
+
+
+class Opposite(_InPlace):
+    """The other of two functions, or of two operators, that Cosmic Ray does not replace."""
+
+    _PAIRS = (
+        ("min", "max"), ("any", "all"), ("minimum", "maximum"), ("floor", "ceil"),
+        ("lower", "upper"), ("in", "not in"),
+    )  # fmt: skip
+    _OTHER = {one: other for pair in _PAIRS for one, other in permutations(pair)}
+
+    def replacement(self, node: Node) -> tuple[Node, str] | None:
+        in_loop = node.parent and node.parent.type in ("for_stmt", "sync_comp_for")
+        is_word = node.type in ("name", "keyword", "comp_op") and not in_loop
+        other = self._OTHER.get(" ".join(node.get_code(False).split())) if is_word else None
+        return (node, other) if other else None
+
+
+class Dropped(_InPlace):
+    """A call whose result is not used, left out."""
+
+    def replacement(self, node: Node) -> tuple[Node, str] | None:
+        statement = node.children[0] if node.type == "simple_stmt" else None
+        is_call = statement and statement.type in ("atom_expr", "power")
+        return (statement, "pass") if is_call and statement.children[-1].type == "trailer" else None
+
+
+_ORDER = ("Eq", "NotEq", "Lt", "LtE", "Gt", "GtE")
+_BINARY = (
+    "Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Mul", "Mod_Mul", "Pow_Mul",
+    "BitOr_BitAnd", "BitAnd_BitOr", "LShift_RShift", "RShift_LShift",
+)  # fmt: skip
+"""Others raise TypeError in most places, which would count as noticed."""
+_NAMES = (
+    *(f"ReplaceBinaryOperator_{pair}" for pair in _BINARY),
+    *(f"ReplaceComparisonOperator_{a}_{b}" for a, b in permutations(_ORDER, 2)),
+    *(f"ReplaceComparisonOperator_{pair}" for pair in ("Is_IsNot", "IsNot_Is")),
+    *(f"ReplaceUnaryOperator_Delete_{sign}" for sign in ("USub", "Invert", "Not")),
+    *("ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd"),
+    *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak"),
+    *("AddNot", "ExceptionReplacer", "NumberReplacer", "ZeroIterationForLoop"),
+)
+OPERATORS: tuple[Operator, ...] = (
+    *(get_operator(f"core/{name}")() for name in _NAMES),
+    *(Never(), Opposite(), Dropped()),
+)
+
+
+class Change(NamedTuple):
+    """An operator, and which of the places of a file where it applies."""
+
+    file: str
+    operator: Operator
+    occurrence: int
+
+    def text(self) -> str:
+        """The whole file, changed."""
+        source = (ROOT / self.file).read_text("utf-8")
+        return mutate_code(source, self.operator, self.occurrence)
+
+
+def drawn(name: str, room: Room, number: int) -> list[Change]:
+    """Draw positions in the room's files, and one change for each; all if there are no more."""
+    draw = random.Random(f"{SEED} {name}")
+    files = sorted({str(f.relative_to(ROOT)) for p in room.sources for f in ROOT.glob(p)})
+    positions = [changes for file in files for changes in _by_position(file)]
+    return [draw.choice(changes) for changes in draw.sample(positions, min(number, len(positions)))]
+
+
+def _by_position(file: str) -> Iterable[list[Change]]:
+    """All changes of a file, together where they change the same part."""
+    counts = [0] * len(OPERATORS)
+    changes: dict[Position, list[Change]] = defaultdict(list)
+    # The order in which mutate_code counts.
+    for node in ast_nodes(get_ast((ROOT / file).read_text("utf-8"))):
+        for i, operator in enumerate(OPERATORS):
+            for position in operator.mutation_positions(node):
+                if not _is_left_out(node):
+                    changes[position].append(Change(file, operator, counts[i]))
+                counts[i] += 1
+    return changes.values()
+
+
+def _is_left_out(node: Node) -> bool:
+    """Whether a node belongs to an annotation, an error's text or what only mypy reads."""
+    while parent := node.parent:
+        if parent.type in ("fstring", "raise_stmt", "tfpdef"):
+            return True
+        if parent.type == "argument" and parent.children[0].get_code().strip() == "frozen":
+            return True
+        if parent.type == "annassign" and parent.children[1] is node:
+            return True
+        if parent.type == "funcdef" and parent.annotation is node:
+            return True
+        if parent.type == "file_input" and node.type == "simple_stmt" and "|" in node.get_code():
+            return True  # a name for a type
+        if node.type == "if_stmt" and node.children[1].get_code().strip() == "TYPE_CHECKING":
+            return True
+        node = parent
+    return False
+
+
+class Lines(NamedTuple):
+    """The lines that differ, without their indents."""
+
+    number: int
+    old: str
+    new: str
+
+
+def difference(old: str, new: str) -> Lines:
+    """The first line that differs, and all lines that do."""
+    a, b = old.splitlines(), new.splitlines()
+    blocks = [c for c in SequenceMatcher(None, a, b, False).get_opcodes() if c[0] != "equal"]
+    olds = [a[i].strip() for _, start, end, _, _ in blocks for i in range(start, end)]
+    news = [b[i].strip() for *_, start, end in blocks for i in range(start, end)]
+    return Lines(blocks[0][1] + 1, "\n".join(olds), "\n".join(news))
+
+
+def equivalents() -> list[dict[str, str]]:
+    """Return mutants that no test can notice: their file, line, what it becomes, and why."""
+    return tomllib.loads(EQUIVALENT.read_text("utf-8"))["mutant"]

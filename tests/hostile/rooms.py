@@ -1,0 +1,73 @@
+"""Rooms of code on which a verdict rests, each with the tests that are nearest to it."""
+
+from typing import NamedTuple
+
+SEED = 50
+"""Of the places that are drawn in a room."""
+
+
+class Room(NamedTuple):
+    """Patterns of source files, and what pytest is called with."""
+
+    sources: tuple[str, ...]
+    tests: str
+
+
+_PLANT, _CERTIFY = "plant/phalanx_plant", "packages/phalanx-certify"
+ROOMS = {
+    "rows": Room(
+        ("phalanx/theory/rows/*.py", "phalanx/swarm/rows.py"),
+        "tests/unit/theory/rows tests/unit/swarm tests/unit/agent",
+    ),
+    "margins": Room(
+        ("phalanx/theory/margins/*.py",), "tests/unit/theory/margins tests/unit/swarm"
+    ),
+    "certificate": Room(
+        ("phalanx/guarantee/*.py",), "tests/unit/guarantee tests/unit/plant/test_claims.py"
+    ),
+    "proven-filter": Room(
+        ("phalanx/guarantee/proven_filter.py", "phalanx/guarantee/proof_gaps.py"),
+        "tests/unit/guarantee",
+    ),
+    "judge": Room((f"{_PLANT}/judge/*.py",), "tests/unit/plant"),
+    "certify": Room((f"{_CERTIFY}/phalanx_certify/**/*.py",), f"{_CERTIFY}/tests"),
+    "fault-rules": Room(
+        ("phalanx/faults/*.py", "phalanx/network/rule.py", "phalanx/network/link.py"),
+        "tests/unit/faults tests/unit/network tests/unit/scenario tests/unit/agent",
+    ),
+    "inbox": Room(("phalanx/network/inbox.py",), "tests/unit/network tests/unit/agent"),
+    "clock": Room(
+        ("agent/phalanx_agent/clock.py", f"{_PLANT}/clock/*.py", f"{_PLANT}/sampling/*.py"),
+        "tests/unit/plant tests/unit/agent tests/unit/faults",
+    ),
+    "statistics": Room(("phalanx/studies/statistics.py",), "tests/unit/studies"),
+    "coordinator": Room(
+        tuple(f"phalanx/studies/{name}.py" for name in ("coordinator", "store", "row", "identity")),
+        "tests/unit/studies",
+    ),
+    "search": Room(
+        tuple(
+            f"phalanx/attacks/{name}.py"
+            for name in (
+                "archive", "knobs", "minimise", "optimisers", "robustness", "search", "shrinking",
+                "trial",
+            )
+        ),
+        "tests/unit/attacks",
+    ),
+    "recording-reader": Room(
+        tuple(
+            f"phalanx/recording/{name}.py"
+            for name in ("broadcasts", "disturbances", "mcap_chunks", "modules", "read", "records")
+        ),
+        "tests/unit/recording tests/unit/hostile/test_files.py",
+    ),
+    "identities": Room(
+        ("phalanx/messages/*.py", "phalanx/hosts/authority.py"),
+        "tests/unit/identities tests/unit/messages tests/unit/hosts tests/unit/hostile",
+    ),
+    "cli-status": Room(
+        ("phalanx/cli/*.py", "phalanx/launcher/verify.py", "phalanx/launcher/interrupt.py"),
+        "tests/unit/cli tests/unit/launcher",
+    ),
+}  # fmt: skip
