@@ -16,7 +16,7 @@ BASE := python:3.12-slim
 LOCK := uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes \
 	--no-annotate --no-header --constraint constraints.txt pyproject.toml -
 
-.PHONY: run quick test nightly check docs locks base clean
+.PHONY: run quick test nightly mutants check docs locks base clean
 
 run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
@@ -31,6 +31,9 @@ test: $(READY)
 nightly: $(READY)
 	@echo "Testing what \`make test\` leaves out: about 29 minutes on two cores, or SHARE=I/N of it."
 	$(PYTEST) -n 6 -m nightly $(SHARE:%=--share %) tests packages
+
+mutants: $(READY)
+	$(VENV)/bin/python -m tests.hostile.break_room $(ROOM) $(SAMPLE:%=--sample %)
 
 check: $(READY)
 	$(VENV)/bin/ruff check .

@@ -39,6 +39,8 @@ from tests.hostile.rooms import ROOMS
 
 BY_HAND = "by-hand"
 KILLED, SURVIVED, TIMEOUT = "killed", "SURVIVED", "timeout"
+_OUTCOMES = {None: TIMEOUT, 0: SURVIVED}
+"""By pytest's status; none if it was ended."""
 _LIBRARIES = "casadi cmaes hypothesis mcap msgspec osqp pydantic scipy.sparse typer zenoh"
 _PATHS = ("", "agent", "plant", "viewer", "packages/phalanx-certify", "packages/phalanx-worlds")
 _LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
@@ -67,7 +69,10 @@ class Entered(NamedTuple):
 
 
 class Order:
-    """A plugin of pytest: tests that took so many seconds come first, the fastest of them before."""
+    """A plugin of pytest: only files of tests that call a changed function, the fastest such first.
+
+    Tests of one file share what they set up. All files, if no test calls it.
+    """
 
     def __init__(self, seconds: dict[str, float]) -> None:
         self._seconds = seconds
@@ -76,6 +81,8 @@ class Order:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        files = {test.partition("::")[0] for test in self._seconds}
+        items[:] = [i for i in items if not files or i.nodeid.partition("::")[0] in files]
         items.sort(key=lambda item: self._seconds.get(item.nodeid, float("inf")))
 
 
@@ -142,7 +149,7 @@ class Run:
         with self.log.open("wb") as log, open(os.devnull, "rb") as none:
             for number, file in enumerate((none, log, log)):
                 os.dup2(file.fileno(), number)
-        sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))
+        sys.stdout = sys.stderr = open(1, "w", closefd=False)  # noqa: SIM115
         paths = [str(copy / name) for name in _PATHS]
         temporary = copy.with_suffix(".tmp")
         shutil.rmtree(temporary, ignore_errors=True)
@@ -202,11 +209,7 @@ class Room:
                 for copy, (mutant, run) in list(running.items()):
                     late = run.seconds > 3.0 * self._seconds[mutant.tests] + 10.0
                     if late or run.process.exitcode is not None:
-                        status = run.end()
-                        slow = status is None or "Timeout (>" in run.log.read_text(
-                            "utf-8", "replace"
-                        )
-                        yield mutant, TIMEOUT if slow else KILLED if status else SURVIVED
+                        yield mutant, _OUTCOMES.get(run.end(), KILLED)
                         shutil.copy2(self._clean / mutant.file, copy / mutant.file)
                         del running[copy]
                         free.append(copy)
@@ -268,7 +271,9 @@ def main() -> None:
         for mutant, outcome in room.outcomes(options.workers):
             counts[outcome] += 1
             if outcome != KILLED:
-                progress.console.print(f"{outcome} {mutant}", markup=False, highlight=False)
+                progress.console.print(
+                    f"{outcome} {mutant}", markup=False, highlight=False, soft_wrap=True
+                )
             progress.update(task, advance=1, refresh=True)
     print(
         f"{options.room}: {counts.total()} mutants, {counts[KILLED]} killed, "

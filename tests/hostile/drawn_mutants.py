@@ -59,19 +59,20 @@ class Never(_InPlace):
         return None if position is None else (node.children[position], "False")
 
 
+_PAIRS = (
+    ("min", "max"), ("any", "all"), ("minimum", "maximum"), ("floor", "ceil"),
+    ("lower", "upper"), ("in", "not in"),
+)  # fmt: skip
+_OTHER = {one: other for pair in _PAIRS for one, other in permutations(pair)}
+
+
 class Opposite(_InPlace):
     """The other of two functions, or of two operators, that Cosmic Ray does not replace."""
-
-    _PAIRS = (
-        ("min", "max"), ("any", "all"), ("minimum", "maximum"), ("floor", "ceil"),
-        ("lower", "upper"), ("in", "not in"),
-    )  # fmt: skip
-    _OTHER = {one: other for pair in _PAIRS for one, other in permutations(pair)}
 
     def replacement(self, node: Node) -> tuple[Node, str] | None:
         in_loop = node.parent and node.parent.type in ("for_stmt", "sync_comp_for")
         is_word = node.type in ("name", "keyword", "comp_op") and not in_loop
-        other = self._OTHER.get(" ".join(node.get_code(False).split())) if is_word else None
+        other = _OTHER.get(" ".join(node.get_code(False).split())) if is_word else None
         return (node, other) if other else None
 
 

@@ -26,8 +26,7 @@ ROOMS = {
         ("phalanx/guarantee/*.py",), "tests/unit/guarantee tests/unit/plant/test_claims.py"
     ),
     "proven-filter": Room(
-        ("phalanx/guarantee/proven_filter.py", "phalanx/guarantee/proof_gaps.py"),
-        "tests/unit/guarantee",
+        ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee tests/process/verdicts"
     ),
     "judge": Room((f"{_PLANT}/judge/*.py",), "tests/unit/plant"),
     "certify": Room((f"{_CERTIFY}/phalanx_certify/**/*.py",), f"{_CERTIFY}/tests"),
