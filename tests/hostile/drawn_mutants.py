@@ -70,8 +70,8 @@ class Opposite(_InPlace):
     """The other of two functions, or of two operators, that Cosmic Ray does not replace."""
 
     def replacement(self, node: Node) -> tuple[Node, str] | None:
-        in_loop = node.parent and node.parent.type in ("for_stmt", "sync_comp_for")
-        is_word = node.type in ("name", "keyword", "comp_op") and not in_loop
+        is_part = node.parent and node.parent.type in ("for_stmt", "sync_comp_for", "comp_op")
+        is_word = node.type in ("name", "keyword", "comp_op") and not is_part
         other = _OTHER.get(" ".join(node.get_code(False).split())) if is_word else None
         return (node, other) if other else None
 
