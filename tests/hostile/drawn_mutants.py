@@ -142,7 +142,7 @@ def _by_position(file: str) -> Iterable[list[Change]]:
 
 
 def _is_left_out(node: Node) -> bool:
-    """Whether a node belongs to an annotation, an error's text or what only mypy reads."""
+    """Return whether a node belongs to an annotation, an error's text or what only mypy reads."""
     while parent := node.parent:
         if parent.type in ("fstring", "raise_stmt", "tfpdef"):
             return True
