@@ -63,7 +63,7 @@ ROOMS = {
     ),
     "identities": Room(
         ("phalanx/messages/*.py", "phalanx/hosts/authority.py"),
-        "tests/unit/identities tests/unit/messages tests/unit/hosts tests/unit/hostile",
+        "tests/unit/identities tests/unit/messages tests/unit/hosts tests/unit/hostile/test_messages.py",
     ),
     "cli-status": Room(
         ("phalanx/cli/*.py", "phalanx/launcher/verify.py", "phalanx/launcher/interrupt.py"),
