@@ -20,17 +20,14 @@ from phalanx.swarm.runnable import first_nominal
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.polytope import Polytope, constant_polytope
-from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.pairs import PairTerms, pair_rows
-from phalanx.theory.rows.row import Rows, joint_sum
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import joint_sum
 from phalanx.theory.rows.safety_filter import FilterInput
 from phalanx.theory.safety.pairs import spread
 
-_FEW_ROWS = 8
-"""Up to so many rows all vertices are enumerated: 2 ms for three inputs. For 32 rows that takes
-230 ms, and a linear program 2 ms."""
 _SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
 """Range of sampling gaps [s], and steps of the search."""
 _HALVINGS = 16
@@ -84,31 +81,14 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     swarm, visible = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, visible)
     if swarm.safety.pairwise:
-        return _pairs_feasible(rows.pair_terms(i)(x, visible, swarm.sharing), terms.polytopes[i])
+        pairs = rows.pair_terms(i)(x, visible, swarm.sharing)
+        return _pairs_feasible(pairs, terms.polytopes[i], rows.qp(i))
     return joint_sum(terms, swarm.sharing or (i,)) <= 0
 
 
-def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
-    every = pair_rows(terms, {})
-    # Rows of pairs far apart hold for every input.
-    binding = ~(dot(every.a[:, None], inputs.corners).max(axis=1, initial=-np.inf) <= every.bound)
-    rows = Rows(every.a[binding], every.bound[binding])
-    if not len(rows.bound) or not np.isfinite(rows.bound).all():
-        return not len(rows.bound)
-    if len(rows.bound) > _FEW_ROWS:
-        return _solvable(inputs, rows)
-    u = least_violation(inputs, rows)
-    return bool((dot(rows.a, u) <= rows.bound).all())
-
-
-def _solvable(inputs: Polytope, rows: Rows) -> bool:
-    """Return whether some input satisfies the rows, by a linear program, to the solver's 1e-7."""
-    # Half a second, which the start of any run would pay; few have so many rows.
-    from scipy.optimize import linprog
-
-    A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
-    result = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
-    return bool(result.status == 0)
+def _pairs_feasible(terms: PairTerms, inputs: Polytope, qp: NearestInput) -> bool:
+    """Ask the filter's own QP, so that the answer is that of a run's control steps."""
+    return qp.solve(inputs.corners[0], inputs, pair_rows(terms, {})) is not None
 
 
 class ProvenRows:
@@ -118,7 +98,7 @@ class ProvenRows:
         """rows: from rigorous()."""
         self._x, self._visible, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
         self._terms = rows.pair_terms_of_gap(i)
-        self._inputs = rows.terms(i)(x, self._visible).polytopes[i]
+        self._inputs, self._qp = rows.terms(i)(x, self._visible).polytopes[i], rows.qp(i)
 
     def margin(self, gap: float) -> float:
         """Return the largest margin of any row."""
@@ -126,7 +106,7 @@ class ProvenRows:
 
     def feasible(self, gap: float) -> bool:
         """Return whether K_i(x(0)) is non-empty."""
-        return _pairs_feasible(self._at(gap), self._inputs)
+        return _pairs_feasible(self._at(gap), self._inputs, self._qp)
 
     def _at(self, gap: float) -> PairTerms:
         return self._terms(self._x, self._visible, self._sharing, [gap])

@@ -75,12 +75,12 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not safety.pairwise:
-            return ComposedFilter(i, information, self._qp(i))
-        return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
+            return ComposedFilter(i, information, self.qp(i))
+        return PairwiseFilter(i, information, self.qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
         """Return the filter of an adversary, or of a normal agent that turned into one."""
-        return Unfiltered(i, self._qp(i))
+        return Unfiltered(i, self.qp(i))
 
     def terms(self, i: int) -> ComposedTerms:
         """Return the terms of h_tot of what agent i sees, with the margin of its row if any."""
@@ -197,7 +197,8 @@ class SafetyRows:
         counted = disturbances if self.relative_degree == 1 else 0.0
         return self.swarm.safety.eta_at(longest, counted)
 
-    def _qp(self, i: int) -> NearestInput:
+    def qp(self, i: int) -> NearestInput:
+        """Return a solver of agent i's QP."""
         return NearestInput(self.swarm.members[i].dynamics.input_metric())
 
 

@@ -37,6 +37,8 @@ _SCHEDULE, _TEST_ONBOARD = (
     "tests/unit/plant/test_onboard_links.py",
 )
 _SAMPLING, _TEST_SAMPLING = f"{_PLANT}/sampling/sampling.py", "tests/unit/plant/test_sampling.py"
+_POINT = "phalanx/theory/rows/nearest_point.py"
+_TEST_POINT = "tests/unit/theory/rows/test_nearest_point.py"
 _ENCLOSURE = "phalanx/theory/margins/enclosure.py"
 _TEST_ENCLOSURE = "tests/unit/theory/margins/test_enclosure.py"
 _INTEGRATED = "phalanx/theory/margins/integrated.py"
@@ -123,8 +125,23 @@ MUTANTS = (
     Mutant("a world's robots anywhere", "phalanx/cli/run.py",
            'getattr(resolved.fresh_world(), "router", None)', "None",
            "tests/unit/cli/test_refused.py -k router"),
-    Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py", "not finite.all()", "False",
+    Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py",
+           "not ((sizes < np.inf) & (g > -INFINITY)).all()", "False",
            "tests/unit/theory/rows/test_decide_pairs.py"),
+    Mutant("a minimiser's multiplier may be negative", _POINT,
+           "default=0.0) < -DUAL", "default=0.0) < -1e9 * DUAL", _TEST_POINT),
+    Mutant("a minimiser keeps its rows only roughly", _POINT,
+           "PRIMAL = 1e-9", "PRIMAL = 1e-5", _TEST_POINT),
+    Mutant("sets of rows are tried from the largest", _POINT,
+           "combinations(rows, size) for size in range(m + 1)",
+           "combinations(rows, size) for size in reversed(range(m + 1))", _TEST_POINT),
+    Mutant("a row is not looked at", _POINT,
+           "excess = _products(G, v) - g - tolerance",
+           "excess = (_products(G, v) - g - tolerance)[:-1]", _TEST_POINT),
+    Mutant("a hint with other rows close to it ends the search", _POINT,
+           "return len(_near(optimum)) == len(rows) and", "return", _TEST_POINT),
+    Mutant("a hint with a multiplier of nearly zero ends the search", _POINT,
+           "min(optimum.multipliers, default=inf) > least", "True", _TEST_POINT),
     Mutant("keys for all", "phalanx/hosts/authority.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/hosts/test_authority.py"),
     Mutant("an agent's identity for a hub", "phalanx/hosts/authority.py",

@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -31,6 +32,10 @@ log = logging.getLogger("phalanx.theory")
 
 Kernel = Callable[..., None]
 """A C function (inputs, outputs, count): one row of inputs after another, to rows of outputs."""
+
+Source = ca.Function | str
+"""A library's: a function named f, or C."""
+LoadedT = TypeVar("LoadedT")
 
 FOLDER, COMPILER = "PHALANX_CACHE", "PHALANX_CC"
 """Environment variables: the folder of the cache, and the compiler; one that is empty means none.
@@ -69,7 +74,7 @@ class Native:
 
     def _compare(self) -> None:
         """Raise ValueError unless the bits are the interpreter's; the sign of a NaN is free."""
-        states = _states(self._interpreted.numel_in(0))
+        states = sample_states(self._interpreted.numel_in(0))
         expected = np.array(self._interpreted(states.T)).T
         results = np.empty(expected.shape)
         self.rows(address(states), address(results), ctypes.c_longlong(len(states)))
@@ -86,15 +91,29 @@ def address(array: Array) -> ctypes.c_void_p:
 
 def native(function: ca.Function) -> Native | None:
     """Return the compiled form of a function named f, if the cache has it; else None."""
+    library = _library(function.serialize())
+    return None if library is None else _load(library, function, lambda: Native(library, function))
+
+
+def native_source(source: str, load: Callable[[ctypes.PyDLL], LoadedT]) -> LoadedT | None:
+    """Return what `load` makes of a compiled C source, if the cache has it; else None.
+
+    load: raises AttributeError or ValueError if the library is not as it should be.
+    """
+    library = _library(source)
+    return (
+        None
+        if library is None
+        else _load(library, source, lambda: load(ctypes.PyDLL(str(library))))
+    )
+
+
+def _library(text: str) -> Path | None:
+    """Return the path of the library that is made of a text; None if there is no cache."""
     folder = _folder()
     if folder is None or not folder.is_dir():
         return None
-    library = folder / f"{hashlib.sha256(function.serialize().encode()).hexdigest()[:32]}.so"
-    if library not in _loaded:
-        _loaded[library] = _load(function, library)
-    if _missing and _loaded[library] is None:
-        _missing[-1][library] = function
-    return _loaded[library]
+    return folder / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
 
 
 def generation() -> int:
@@ -108,7 +127,7 @@ def _begin_generation() -> None:
 
 
 @contextmanager
-def missing() -> Iterator[dict[Path, ca.Function]]:
+def missing() -> Iterator[dict[Path, Source]]:
     """Collect the functions that the block makes and the cache lacks, by their libraries' paths."""
     _begin_generation()
     _missing.append({})
@@ -129,7 +148,7 @@ def require_compiler() -> None:
     folder.mkdir(mode=0o700, exist_ok=True)
 
 
-def build(functions: Mapping[Path, ca.Function], progress: Callable[[int], None]) -> None:
+def build(functions: Mapping[Path, Source], progress: Callable[[int], None]) -> None:
     """Compile functions into the cache, as many at once as there are processors.
 
     Args:
@@ -153,24 +172,29 @@ def build(functions: Mapping[Path, ca.Function], progress: Callable[[int], None]
 
 
 _generation = 0
-_missing: list[dict[Path, ca.Function]] = []
+_missing: list[dict[Path, Source]] = []
 """The innermost block's is the last."""
-_loaded: dict[Path, Native | None] = {}
+_loaded: dict[Path, Any] = {}
 """By path; None where there was none."""
 
 
-def _load(function: ca.Function, library: Path) -> Native | None:
-    if not library.exists():
-        return None
-    try:
-        return Native(library, function)
-    except (OSError, AttributeError, ValueError) as error:
-        log.warning("%s is not used, and the interpreter runs: %s", library, error)
-        return None
+def _load(library: Path, source: Source, load: Callable[[], LoadedT]) -> LoadedT | None:
+    """Return the loaded library, None if there is none; then `missing` collects its source."""
+    if library not in _loaded:
+        _loaded[library] = None
+        if library.exists():
+            try:
+                _loaded[library] = load()
+            except (OSError, AttributeError, ValueError) as error:
+                log.warning("%s is not used, and the interpreter runs: %s", library, error)
+    if _missing and _loaded[library] is None:
+        _missing[-1][library] = source
+    loaded: LoadedT | None = _loaded[library]
+    return loaded
 
 
-def _states(length: int) -> Array:
-    """Return numbers of many sizes and both signs, shape (count, length), the same every time."""
+def sample_states(length: int) -> Array:
+    """Return numbers of many sizes and both signs, shape (100, length), the same every time."""
     k = np.arange(1, _COMPARED * length + 1)
     even = k * 0.6180339887498949 % 1.0  # multiples of the golden ratio spread evenly
     sizes = 4.0 ** (k * 0.7548776662466927 % 1.0 * 8.0 // 1.0 - 5.0)
@@ -222,7 +246,9 @@ def _identity(compiler: tuple[str, ...]) -> str:
     return f"{program} {status.st_size} {status.st_mtime_ns} {platform.machine()}"
 
 
-def _source(function: ca.Function) -> str:
+def _source(function: Source) -> str:
+    if isinstance(function, str):
+        return function
     code = ca.CodeGenerator("f", {"with_header": False})
     code.add(function)
     text: str = code.dump()

@@ -39,6 +39,11 @@ class Box:
         """low and high as lists: for so few numbers they are faster than arrays."""
         return self.low.tolist(), self.high.tolist()
 
+    def nearest(self, u: Array) -> Array:
+        """Return u with each number within its bounds, shape (m,)."""
+        within: Array = np.minimum(np.maximum(u, self.low), self.high)
+        return within
+
     def holds(self, u: Array | Sequence[float]) -> bool:
         """Return whether low <= u <= high."""
         for low, number, high in zip(self.ends[0], u, self.ends[1], strict=True):

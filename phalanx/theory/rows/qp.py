@@ -7,10 +7,12 @@
 In a box with one row only one number is unknown: the row's multiplier λ >= 0. The nearest input is
 u_k(λ) = u_nom_k - λ a_k / (2 w_k), clipped to its bounds. aᵀu(λ) is piecewise linear and falls from
 its value at the clipped nominal input to the least in the box, so λ lies on the piece that crosses
-the bound: no iteration, and nothing that could fail to converge. OSQP solves all other programs.
+the bound: no iteration, and nothing that could fail to converge. For all other programs OSQP names
+rows that may be active, and nearest_point computes the answer from them, or without them.
 """
 
 from collections.abc import Sequence
+from math import inf, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.models.polytope import Box, Polytope
+from phalanx.theory.rows.nearest_point import NearestPointSolver
 from phalanx.theory.rows.osqp_without_scipy import compiled_part, without_scipy
 from phalanx.theory.rows.row import Row, Rows
 
@@ -28,67 +31,43 @@ _OSQP = compiled_part()
 """Loaded before the programs are forked, so that they share it."""
 INFINITY = 1e30
 """OSQP's infinity: a row with this bound never binds."""
-_RHO = 0.1
-_STEEPEST = 1e4
-"""Objectives with a larger linear part are scaled down to it."""
 _SETTINGS = {
     "verbose": False,
-    "eps_abs": 1e-6,
-    "eps_rel": 1e-8,
-    "polishing": True,
+    "eps_abs": 1e-5,
+    "eps_rel": 1e-5,
+    "max_iter": 200,
     "check_termination": 10,
-    "adaptive_rho": True,
-    "adaptive_rho_interval": 50,
-    "warm_starting": False,
-    "rho": _RHO,
     "scaling": 0,
 }
+_ACTIVE = 1e-4
+"""Multiplier above which a row counts as active."""
 
 
-class Solver:
-    """An OSQP solver for programs of one size.
+class ActiveRows:
+    """OSQP's opinion which rows of a program bind; for programs of one size.
 
-    Its sparsity pattern is dense and fixed, so that updates with zeros are right. Adaptive ρ counts
-    iterations, not time, and starts again for each program, so that no result depends on earlier
-    ones.
+    Its sparsity pattern is dense and fixed, so that updates with zeros are right.
     """
 
-    def __init__(self, metric: tuple[float, ...], rows: int, most_steps: int) -> None:
-        """metric: w, one weight for each input. most_steps: limit of iterations."""
-        self._weights, inputs = np.array(metric), len(metric)
+    def __init__(self, rows: int, inputs: int) -> None:
         osqp = _OSQP
         settings = osqp.OSQPSettings()
         osqp.osqp_set_default_settings(settings)
-        for name, value in {**_SETTINGS, "max_iter": most_steps}.items():
+        for name, value in _SETTINGS.items():
             setattr(settings, name, value)
-        self._solved = int(osqp.osqp_status_type.OSQP_SOLVED)
-        squares = _columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs)
+        squares = _columns(np.ones((1, inputs)), np.arange(inputs)[None], inputs)
         constraints = _columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows)
         with without_scipy():
             P, A = osqp.CSC(squares), osqp.CSC(constraints)
-        self._solver = osqp.OSQPSolver(
-            P,
-            np.zeros(inputs),
-            A,
-            np.full(rows, -INFINITY),
-            np.ones(rows),
-            rows,
-            inputs,
-            settings,
-        )
+        low, high, q = np.full(rows, -INFINITY), np.ones(rows), np.zeros(inputs)
+        self._solver = osqp.OSQPSolver(P, q, A, low, high, rows, inputs, settings)
 
-    def solve(self, u_nom: Array, A: Array, b: Array) -> Array | None:
-        """argmin of Σ w (u - u_nom)² over A u <= b, or None if OSQP did not solve it."""
-        # Scaling the objective leaves the argmin where it is; OSQP gives up on slopes of 10⁶.
-        steepest = 2.0 * float(np.abs(self._weights * u_nom).max())
-        quadratic = 2.0 * self._weights * (_STEEPEST / max(steepest, _STEEPEST))
-        self._solver.update_rho(_RHO)
-        self._solver.update_data_vec(q=-quadratic * u_nom, l=None, u=b)
-        self._solver.update_data_mat(P_x=quadratic, P_i=None, A_x=A.ravel(order="F"), A_i=None)
+    def guess(self, n: Array, G: Array, g: Array) -> tuple[int, ...]:
+        """Rows with a multiplier, of argmin ‖v - n‖² over G v <= g."""
+        self._solver.update_data_vec(q=-n, l=None, u=g)
+        self._solver.update_data_mat(P_x=None, P_i=None, A_x=G.ravel(order="F"), A_i=None)
         self._solver.solve()
-        if self._solver.info.status_val != self._solved:
-            return None
-        return np.array(self._solver.solution.x)
+        return tuple(np.flatnonzero(np.array(self._solver.solution.y) > _ACTIVE).tolist())
 
 
 class _Columns(NamedTuple):
@@ -112,17 +91,17 @@ def _columns(values: Array, rows: Indices, height: int) -> _Columns:
 
 
 TOLERANCE = 1e-6
-"""Allowed violation of constraints by a solution, each scaled to a unit normal."""
+"""Allowed violation of one row in a box, scaled to a unit normal."""
 
 _FARTHEST = 1e6
 """Nominal inputs are moved to within this many times the size of U_i."""
 
 
 class NearestInput:
-    """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound.
+    """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound, defined to the bit.
 
-    In a box with one row by nearest_in_box, else by OSQP. A solver is kept for each number of rows;
-    a result depends on the arguments alone.
+    In a box with one row by nearest_in_box, else by nearest_point; the rows that were active last
+    and those that OSQP names are its hints. A result depends on the arguments alone.
 
     >>> from phalanx.theory.models.polytope import polytope
     >>> U = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
@@ -130,15 +109,18 @@ class NearestInput:
     array([1. , 0.5])
     """
 
-    def __init__(self, metric: tuple[float, ...], most_steps: int = 20_000) -> None:
-        """metric: w, one weight for each input. most_steps: limit of OSQP's iterations."""
-        self._metric, self._most_steps = metric, most_steps
-        self._solvers: dict[int, Solver] = {}
+    def __init__(self, metric: tuple[float, ...]) -> None:
+        """metric: w, one weight for each input."""
+        self._metric, self._roots = metric, np.sqrt(np.array(metric))
+        self._exact = NearestPointSolver()
+        self._osqp: dict[int, ActiveRows] = {}
+        self._active: dict[int, tuple[int, ...]] = {}
+        """The rows that were active last, by the number of rows."""
 
     def solve(
         self, u_nom: Array, polytope: Polytope, row: Row | Rows | None = None
     ) -> Array | None:
-        """The nearest input, shape (m,), or None unless it was found and every row holds.
+        """The nearest input, shape (m,), or None if none keeps every row.
 
         Args:
             u_nom: shape (m,).
@@ -151,10 +133,11 @@ class NearestInput:
         if isinstance(row, Row):
             return self._in_box(u_nom, box, row)
         # The metric is diagonal: without rows the nearest input is u_nom clipped.
-        clipped = np.minimum(np.maximum(u_nom, box.low), box.high)
+        clipped = box.nearest(u_nom)
         if row is None or np.logical_and.reduce(dot(row.a, clipped) <= row.bound):
             return clipped
-        return self._solved(u_nom, polytope, row)
+        u = self._solved(u_nom, polytope, row)
+        return None if u is None else box.nearest(u)
 
     def _in_box(self, u_nom: Array, box: Box, row: Row) -> Array | None:
         (low, high), a, nominal = box.ends, row.a.tolist(), u_nom.tolist()
@@ -164,23 +147,42 @@ class NearestInput:
         return None if u is None else np.array(u)
 
     def _solved(self, u_nom: Array, polytope: Polytope, row: Row | Rows | None) -> Array | None:
-        A, b, allowed = polytope.A, polytope.b, polytope.b + min(TOLERANCE, polytope.allowance)
+        """Solve for v_k = √w_k u_k, with U_i's rows first, then the others as they are given."""
+        A, b = polytope.A, polytope.b
         if row is not None:
-            a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
-            sizes = length(a)
-            # Unit normals: rows of ‖a‖ from 1e-5 to 40 strain the tolerances. A row with a = 0 that
-            # holds never binds.
-            scale = np.where(sizes > 0.0, sizes, 1.0)
-            bound = np.minimum(bound / scale, INFINITY)
-            finite = (sizes < np.inf) & (bound > -INFINITY)
-            if (bound[sizes == 0.0] < 0.0).any() or not finite.all():
-                return None
-            A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
-            allowed = np.concatenate((allowed, bound + TOLERANCE))
-        if len(b) not in self._solvers:
-            self._solvers[len(b)] = Solver(self._metric, len(b), self._most_steps)
-        u = self._solvers[len(b)].solve(u_nom, A, b)
-        return u if u is not None and (dot(A, u) <= allowed).all() else None
+            A = np.concatenate((A, np.atleast_2d(row.a)))
+            b = np.concatenate((b, np.atleast_1d(row.bound)))
+        A = A / self._roots
+        sizes = length(A)
+        zero = sizes == 0.0  # such a row never binds, or cannot be kept
+        scale = np.where(zero, 1.0, sizes)
+        g = np.minimum(b / scale, INFINITY)
+        if (b[zero] < 0.0).any() or not ((sizes < np.inf) & (g > -INFINITY)).all():
+            return None
+        n, size = self._roots * u_nom, self._size(polytope)
+        if (farthest := _FARTHEST * max(1.0, size)) < (largest := float(np.abs(n).max())):
+            n *= farthest / largest
+        v = self._nearest(n, A / scale[:, None], g, size)
+        return None if v is None else np.array(v) / self._roots
+
+    def _nearest(self, n: Array, G: Array, g: Array, size: float) -> list[float] | None:
+        program, rows = (n.tolist(), G, g, size), len(g)
+        point = self._exact.solve(*program, self._active.get(rows, ()))
+        if point is None:
+            if rows not in self._osqp:
+                self._osqp[rows] = ActiveRows(*G.shape)
+            point = self._exact.solve(*program, self._osqp[rows].guess(n, G, g))
+        if point is None and (point := self._exact.solve(*program)) is None:
+            return None
+        self._active[rows] = point.rows
+        return point.v
+
+    def _size(self, polytope: Polytope) -> float:
+        """The largest ‖v‖ in U_i; ∞ if its corners are not known."""
+        if polytope.box is not None:
+            farthest = zip(*polytope.box.ends, self._metric, strict=True)
+            return sqrt(added(max(a * a, b * b) * w for a, b, w in farthest))
+        return float(length(polytope.corners * self._roots).max()) if len(polytope.corners) else inf
 
 
 def _within_reach(u_nom: Array, box: Box) -> Array:

@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,9 +13,6 @@ from phalanx.guarantee.start import Promise, promised, rows_at_start
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.models.polytope import polytope
-from phalanx.theory.rows.decision import least_violation
-from phalanx.theory.rows.row import Rows
 
 ATTACKS = sorted((Path(__file__).parents[3] / "scenarios" / "attacks").glob("*.toml"))
 
@@ -73,17 +69,6 @@ def test_attacks_that_ship_violate_later_than_promised(file):
 
 def test_a_promise_is_rounded_down_in_words():
     assert "Promised for the first 0.187 s: " in str(Promise(0.1879, "1-2"))
-
-
-def test_the_linear_program_says_what_the_vertices_say():
-    cube, answers = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)), set()
-    for seed in range(30):
-        rng = np.random.default_rng(seed)
-        rows = Rows(rng.normal(size=(7, 3)), rng.normal(scale=0.6, size=7))
-        u = least_violation(cube, rows)
-        answers.add(start._solvable(cube, rows))
-        assert start._solvable(cube, rows) == bool((rows.a @ u <= rows.bound + 1e-9).all()), seed
-    assert answers == {True, False}
 
 
 def test_an_agent_that_sees_no_other_may_apply_any_input():

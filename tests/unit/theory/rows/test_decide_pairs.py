@@ -62,17 +62,16 @@ def test_where_a_margin_is_unknown_no_input_keeps_the_row_and_the_backup_goes_ag
     assert (rows.a[:2] @ decision.u).max() <= best + 1e-9
 
 
-GIVES_UP = NearestInput((1.0, 1.0), most_steps=1)
-"""OSQP with one iteration allowed: it never solves."""
-
-
-def test_a_solver_that_gives_up_is_no_empty_set_where_the_backup_keeps_every_row():
-    rows = Rows(np.array([[1.0, 0.3], [0.2, 1.0]]), np.array([-0.3, -0.2]))
-    decision = decide_pairs(SQUARE, rows, np.array([3.0, 2.0]), GIVES_UP)
-    assert decision.origin is Origin.SOLVER_FAILED
-    assert (rows.a @ decision.u <= rows.bound).all()
-    empty = Rows(rows.a, np.array([-2.0, -0.2]))
-    assert decide_pairs(SQUARE, empty, np.ones(2), GIVES_UP).origin is Origin.BACKUP
+def test_a_set_that_is_one_point_is_not_empty_and_one_that_misses_it_by_more_than_rounding_is():
+    """Emptiness of K_i is decided by the QP itself: no second answer could differ."""
+    corner = Rows(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.array([-2.0, 2.0]))
+    decision = decide_pairs(SQUARE, corner, np.zeros(2), NearestInput((1.0, 1.0)))
+    assert decision.origin is Origin.QP
+    assert decision.u == pytest.approx([-1.0, -1.0], abs=1e-8)
+    beyond = Rows(corner.a, corner.bound - [1e-7, 0.0])
+    decision = decide_pairs(SQUARE, beyond, np.zeros(2), NearestInput((1.0, 1.0)))
+    assert decision.origin is Origin.BACKUP
+    assert decision.u == pytest.approx([-1.0, -1.0])
 
 
 def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_finite():
