@@ -147,7 +147,7 @@ def test_one_whose_pairs_cannot_be_proven_does_not_keep_an_agent_from_proving_ot
     )
     result = phalanx.run(scenario, engine="in-process")
     assert result.verdict is not phalanx.Outcome.BROKEN
-    assert result.summary.origins[Origin.LONGEST] > 10
+    assert result.summary.origins[Origin.LONGEST] > 3
 
 
 @pytest.mark.parametrize(
