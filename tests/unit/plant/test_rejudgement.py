@@ -33,7 +33,7 @@ def decided_by_recording(summary: Summary) -> Summary:
 @pytest.mark.parametrize(
     ("name", "outcome"),
     [
-        ("guaranteed", Outcome.GUARANTEED),
+        ("crossing", Outcome.GUARANTEED),
         ("attacks/paper-margin", Outcome.VIOLATED),
         ("faults/actuator", Outcome.SAFE),
         ("faults/kill", Outcome.SAFE),
