@@ -17,6 +17,8 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.row import Terms
+from phalanx.theory.safety.class_k import Linear
+from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
 
 
@@ -27,7 +29,7 @@ class Peer:
         """backend: "qpax" or "elastiqp"."""
         self._problem = Problem(rows, i, backend)
         self._filter = CBF.from_config(self._problem)
-        self._constants = (rows.margin(i).eta, rows.swarm.safety.xi)
+        self._constants = (rows.margin(i).eta, rows.swarm.safety.xi_of_chain or 0.0)
 
     def __call__(self, x: Array, u_nom: Array, push: Array, active: Array) -> Array:
         """Return the nearest input, shape (m_i,).
@@ -49,7 +51,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
         swarm = rows.swarm
         composed, self._i = swarm.safe_set, i
         self._degree = rows.relative_degree
-        self._alphas = [float(a) for a in swarm.safety.alpha if isinstance(a, float)]
+        self._alphas = [a.gain for a in swarm.safety.class_k if isinstance(a, Linear)]
         self._rho = swarm.safety.rho
         self._dynamics = swarm.members[i].dynamics
         self._shape = len(swarm.members), len(self._dynamics.states)
@@ -59,8 +61,9 @@ class Problem(CBFConfig):  # type: ignore[misc]
         spheres = [o for o in composed.obstacles if isinstance(o, Sphere)]
         around = [spheres[p.b - agents] for p in composed.pairs if p.b >= agents]
         self._centers = np.array([o.center for o in around])
-        radius = float(swarm.safety.function["radius"])
-        self._radii = np.array([radius] * len(self._b) + [o.clearance for o in around])
+        function = swarm.safety.safe_set_function
+        assert isinstance(function, Separation)
+        self._radii = np.array([function.radius] * len(self._b) + [o.clearance for o in around])
         limit, _ = _limits(self._dynamics)
         super().__init__(
             n=self._shape[0] * self._shape[1],

@@ -141,7 +141,7 @@ def peers(scenario: phalanx.Scenario) -> int:
     """Count the other agents in an agent's neighbourhood at the start, on average."""
     p = np.array([g.start[place][: g.axes] for _, g, place in scenario.roster()])
     distances = np.linalg.norm(p[:, None] - p[None], axis=2)
-    radius = scenario.safety.neighbourhood or np.inf
+    radius = scenario.safety.sensing(None) or np.inf
     return round(float((distances <= radius).sum() / len(p) - 1.0))
 
 

@@ -321,8 +321,8 @@ def run(index: int, folder: Path) -> Result:
         )
     except UncertifiableError as error:
         checked = " ".join(str(error).split(", at t")[0].split()[2:])
-    kind = f"{len(scenario.safety.alpha)} | {scenario.safety.margin}"
-    beyond = "it tries ψ_{q-1} too" if len(scenario.safety.alpha) > 1 else "other"
+    kind = f"{len(scenario.safety.class_k)} | {scenario.safety.margin_name}"
+    beyond = "it tries ψ_{q-1} too" if len(scenario.safety.class_k) > 1 else "other"
     return Result(index, summary, judge.compared, judge.wrong, checked, kind, beyond)
 
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.scenario.safety import Safety
+
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ("agent", "plant", "viewer")
 BESIDE = ("certify", "ros2", "worlds")  # packages that nothing of the product imports
@@ -262,6 +264,25 @@ def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
     wrong = [f"{m}: {n}" for m, names in named.items() for n in names if n.split(".")[0] in APART]
     assert wrong == []
     assert len(tests) > 100
+
+
+def options_read(source: str) -> Iterator[str]:
+    """Fields of a scenario's table [safety] that a module reads, but three that are facts."""
+    options = Safety.model_fields.keys() - {"rho", "prove", "watch"}
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Attribute(
+                value=ast.Name(id="safety") | ast.Attribute(attr="safety"), attr=name
+            ) if name in options:
+                yield name
+
+
+def test_rooms_ask_what_follows_from_the_options_of_safety_and_do_not_read_them():
+    others = ("bench", "evidence", "examples")
+    sources = {str(f): f for top in others for f in (ROOT / top).rglob("*.py")}
+    sources |= {name: f for name, f in modules() if not name.startswith("phalanx.scenario.")}
+    assert [name for name, f in sources.items() if [*options_read(f.read_text("utf-8"))]] == []
+    assert [*options_read("swarm.safety.margin, safety.eta, safety.prove")] == ["margin", "eta"]
 
 
 LANGUAGES = {".py", ".c", ".js", ".html", ".css"}
