@@ -88,6 +88,15 @@ def test_the_rows_of_an_answer_where_nothing_is_close_are_a_hint_that_is_enough(
     assert strictly_nearest(n, G, g, (0, 1)) is None
 
 
+def test_of_sets_with_a_row_that_only_touches_the_smallest_is_the_answer():
+    """The second row passes through the point, with a multiplier of zero."""
+    G = np.array([[0.6, 0.8], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    g = np.array([0.6 * 1.0 + 0.8 * 0.5, 1.0, 1.0, 1.0, 1.0])
+    assert module._passing([3.0, 0.5], G, g, (0, 1)) is not None
+    assert nearest_point([3.0, 0.5], G, g, 2.0) == ([1.0, 0.5], (1,))
+    assert strictly_nearest([3.0, 0.5], G, g, (0, 1)) is None
+
+
 def exactly_nearest(n: list[float], G: np.ndarray, g: np.ndarray) -> list[Fraction] | None:
     """The same point in rational numbers, by trying all sets."""
     exact = [[Fraction(float(c)) for c in row] for row in G]
