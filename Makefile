@@ -25,11 +25,11 @@ quick: $(READY)
 	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: about 9 minutes on two cores."
+	@echo "Testing: 5 to 9 minutes on two cores."
 	$(PYTEST) $(LAYERS) -m "not nightly" tests/process tests/containers packages tests/unit
 
 nightly: $(READY)
-	@echo "Testing what \`make test\` leaves out: about 29 minutes on two cores, or SHARE=I/N of it."
+	@echo "Testing what \`make test\` leaves out: 12 to 29 minutes on two cores, or SHARE=I/N of it."
 	$(PYTEST) -n 6 -m nightly $(SHARE:%=--share %) tests packages
 
 mutants: $(READY)
