@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from phalanx.guarantee.certificates import QUIET, Near, SwarmCertificates
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Mask
+from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import decide_pairs
 from phalanx.theory.rows.origin import Origin
@@ -22,6 +23,9 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 from phalanx.theory.rows.safety_filter import Filtered, FilterInput, SafetyFilter
 
+_INSIDE = 1e-6
+"""Distance that inputs to be proven keep from their whole rows: on a row itself, rounding decides
+whether anything is proven. Unit of the inputs."""
 _ROUNDS = 3
 """Searches for the longest certified time: the later ones around the best input so far."""
 
@@ -118,7 +122,8 @@ class ProvenFilter:
         chosen = np.array([l in counted for l in terms.others], dtype=bool)
         every = pair_rows(terms, {})
         a = np.concatenate([np.atleast_2d(first.rows.a), every.a[chosen]])
-        bound = np.concatenate([np.atleast_1d(first.rows.bound), every.bound[chosen]])
+        inside = every.bound[chosen] - _INSIDE * length(every.a[chosen])
+        bound = np.concatenate([np.atleast_1d(first.rows.bound), inside])
         inputs = now.terms.polytopes[self._i]
         decision = decide_pairs(inputs, Rows(a, bound), now.u_nom, self._qp)
         origin = Origin.PROVEN if decision.origin is Origin.QP else decision.origin

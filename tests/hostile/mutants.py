@@ -128,6 +128,8 @@ MUTANTS = (
     Mutant("a row too large is dropped", "phalanx/theory/rows/qp.py",
            "not ((sizes < np.inf) & (g > -INFINITY)).all()", "False",
            "tests/unit/theory/rows/test_decide_pairs.py"),
+    Mutant("an input to be proven may lie on its row", "phalanx/guarantee/proven_filter.py",
+           "_INSIDE = 1e-6", "_INSIDE = 0.0", "tests/unit/guarantee/test_proven_filter.py"),
     Mutant("a minimiser's multiplier may be negative", _POINT,
            "default=0.0) < -DUAL", "default=0.0) < -1e9 * DUAL", _TEST_POINT),
     Mutant("a minimiser keeps its rows only roughly", _POINT,

@@ -15,6 +15,7 @@ from phalanx.launcher.simulation import compile_scenario
 from phalanx.theory.expressions import native as module
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.native import COMPILER, FOLDER, build, missing, native
+from phalanx.theory.rows.nearest_point import NearestPointSolver
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 
@@ -84,6 +85,17 @@ def test_a_function_of_several_inputs_is_compiled_too(folder):
         compiled(np.array([1.5, -2.0]), 0.3), interpreted(np.array([1.5, -2.0]), 0.3), strict=True
     ):
         assert np.array_equal(one, other)
+
+
+@pytest.mark.slow
+def test_the_minimiser_is_compiled_too(folder):
+    program = [3.0, 0.5], np.vstack([np.eye(2), -np.eye(2)]), np.ones(4), 2.0
+    with missing() as sources:
+        answer = NearestPointSolver().solve(*program)
+    assert len(sources) == 1
+    build(sources, lambda _: None)
+    assert NearestPointSolver()._compiled is not None
+    assert NearestPointSolver().solve(*program) == answer == ([1.0, 0.5], (0,))
 
 
 @pytest.mark.slow
