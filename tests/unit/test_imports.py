@@ -56,6 +56,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.rows": THEORY - rooms("theory.laws theory.trust"),
     "phalanx.theory.laws": THEORY - rooms("theory.trust"),
     "phalanx.theory.baselines": THEORY,
+    "phalanx.knowledge": rooms(
+        "theory.expressions theory.models theory.safety theory.margins theory.rows"
+    ),
     "phalanx.seeded": set(),
     "phalanx.schema": THEORY,
     "phalanx.network": THEORY | rooms("seeded schema"),
@@ -110,6 +113,7 @@ BUDGET: Mapping[str, int] = {
     "faults": 1020,
     "guarantee": 2340,
     "hosts": 340,
+    "knowledge": 740,
     "launcher": 2240,
     "messages": 980,
     "network": 1400,

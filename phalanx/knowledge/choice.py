@@ -1,0 +1,124 @@
+"""The input nearest to a wish among those that spend no more of any gap than they may.
+
+Own parts are hard, whole rows yield: where no input keeps all of both, the worst whole row is
+violated as little as own parts allow. Own parts are almost convex in the input; so the program's
+rows are their tangents where an answer was still too much, and what then remains is left by
+moving towards the brake, which spends nothing. The test of the whole hold has the last word.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.knowledge.cones import Cones
+from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.spending import HoldPieces
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import dot
+from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytope, vertices
+from phalanx.theory.rows.decision import least_violation
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Rows
+
+_ROUNDS = 5
+_STEP = 1e-5
+"""Of the difference quotients of own parts, relative to the authority."""
+_INSIDE = 1e-3
+"""How far inside a tangent an answer is to be [m/s], so that the last one passes the test."""
+_MOVES = np.arange(1, 17) / 16.0
+
+
+class Limits(NamedTuple):
+    """Bounds on the own parts over the next hold."""
+
+    cones: Cones
+    """Of each peer and obstacle, n of them."""
+    most: Array
+    """Its largest own part towards each, shape (n,) [m/s]."""
+
+
+class Chosen(NamedTuple):
+    """An input of the reference, and how it came about."""
+
+    u: Array
+    braked: bool
+    binding: int | None
+    """Which of the limits keeps it from the wish, if any does."""
+
+
+class InputChoice:
+    """The choice of one agent's inputs."""
+
+    def __init__(self, motion: PointMotion, pieces: HoldPieces) -> None:
+        self._motion, self._pieces = motion, pieces
+        self._qp = NearestInput((1.0,) * motion.axes)
+        faces = np.concatenate([np.eye(motion.axes), -np.eye(motion.axes)])
+        self._inputs = polytope(faces, np.full(len(faces), motion.authority))
+        step = _STEP * motion.authority
+        self._steps, self._width = step * faces, 2.0 * step
+
+    def nearest(self, wish: Array, v: Array, limits: Limits, whole: Rows | None) -> Chosen:
+        """Choose an input.
+
+        Args:
+            wish: shape (axes,).
+            v: the reference's speed, shape (axes,).
+            limits: of own parts.
+            whole: rows that yield.
+        """
+        near = np.flatnonzero(limits.most < self._pieces.most(v))
+        limits = Limits(limits.cones.of(near), limits.most[near])
+        cuts = Rows(np.empty((0, len(wish))), np.empty(0))
+        u, binding = self._inside(wish, cuts, whole), -1
+        if u is None:
+            return Chosen(self._motion.brake(v), True, None)
+        for _ in range(_ROUNDS):
+            around = np.concatenate([u[None], u + self._steps])
+            values = self._pieces.spending(v, around, limits.cones)
+            excess = values[0] - limits.most
+            if not (excess > 0.0).any():
+                return Chosen(u, False, binding if binding >= 0 else None)
+            binding = int(near[excess.argmax()])
+            cuts = _joined(cuts, self._tangents(u, values, excess))
+            inside = self._inside(wish, cuts, whole)
+            if inside is None:
+                break
+            u = inside
+        return self._towards_brake(u, v, limits, binding)
+
+    def _tangents(self, u: Array, values: Array, excess: Array) -> Rows:
+        """Rows of the own parts that are too large, by difference quotients."""
+        axes = len(u)
+        slopes = ((values[1 : axes + 1] - values[axes + 1 :]) / self._width).T[excess > 0.0]
+        return Rows(slopes, dot(slopes, u) - excess[excess > 0.0] - _INSIDE)
+
+    def _inside(self, wish: Array, cuts: Rows, whole: Rows | None) -> Array | None:
+        """The nearest input within these rows, or that which violates the whole ones least."""
+        rows = cuts if whole is None else _joined(cuts, whole)
+        u = self._qp.solve(wish, self._inputs, rows)
+        if u is not None or whole is None:
+            return u
+        A = np.concatenate([self._inputs.A, cuts.a])
+        b = np.concatenate([self._inputs.b, cuts.bound])
+        try:
+            return least_violation(Polytope(A, b, vertices(A, b), None, 0.0), whole)
+        except EmptyPolytopeError:
+            return None
+
+    def _towards_brake(self, u: Array, v: Array, limits: Limits, binding: int) -> Chosen:
+        """The input farthest from the brake, on the way to u, that passes the test."""
+        brake = self._motion.brake(v)
+        share, width = 0.0, 1.0
+        for _ in range(2):
+            moves = np.minimum(share + width * _MOVES, 1.0)
+            tried = brake + moves[:, None] * (u - brake)
+            most = self._pieces.spending(v, tried, limits.cones)
+            passing = np.flatnonzero((most <= limits.most).all(axis=1))
+            width /= len(_MOVES)
+            if passing.size:
+                share = float(moves[passing[-1]])
+        return Chosen(brake + share * (u - brake), share == 0.0, binding)
+
+
+def _joined(rows: Rows, more: Rows) -> Rows:
+    return Rows(np.concatenate([rows.a, more.a]), np.concatenate([rows.bound, more.bound]))

@@ -1,0 +1,88 @@
+"""An agent's motion as others know it: bounds, the way that it needs to stop, and its brake."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.knowledge.held import held
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import length
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """p' = v, v' = u - β v with |u_k| <= acceleration, sampled; in the plane or in space.
+
+    >>> PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02).stopping(2.0)
+    0.6
+    """
+
+    axes: int
+    acceleration: float
+    """Bound on every component of the input [m/s²]."""
+    drag: float
+    """β [1/s]"""
+    disturbance: float
+    """Bound on the norm of the rates' disturbance φ."""
+    longest: float
+    """τ: longest time from a sample to the end of its input [s]."""
+    shortest: float
+    """Shortest time for which an input is held [s]."""
+
+    @property
+    def authority(self) -> float:
+        """A: what the reference may use of the acceleration [m/s²]."""
+        return self.acceleration
+
+    @property
+    def tube(self) -> float:
+        """ρ: bound on the distance of the position from its reference [m]."""
+        return 0.0
+
+    def stopping(self, speed: float) -> float:
+        """L = v²/2A + τ v: the way on which it stops, its next sample being a τ away [m]."""
+        return speed * speed / (2.0 * self.authority) + self.longest * speed
+
+    def brake(self, v: Array) -> Array:
+        """The input that stops after m longest holds, along the velocity; shape (axes,).
+
+        With a in m holds, L' + ‖v‖ <= 0 all the time, for whatever direction others are in: on
+        the way to rest a = ‖v'‖ >= ‖v‖ A / (‖v‖ + A τ), as m τ <= ‖v(0)‖ / A + τ.
+        """
+        speed = float(length(v))
+        count = max(1, ceil(speed / (self.authority * self.longest)))
+        factors = held(np.array(self.drag), np.array(count * self.longest))
+        bound = self.authority
+        return np.minimum(np.maximum(v * -(factors.decay / factors.speed), -bound), bound)
+
+
+class Motions(NamedTuple):
+    """Bounds of several agents' references, stacked."""
+
+    drag: Array
+    """β, shape (n, 1)."""
+    authority: Array
+    """A, shape (n, 1)."""
+    longest: Array
+    """τ, shape (n,)."""
+    tube: Array
+    """ρ, shape (n,)."""
+
+    def stopping(self, speed: Array) -> Array:
+        """L of each, shape (n,)."""
+        way: Array = speed * speed / (2.0 * self.authority[:, 0]) + self.longest * speed
+        return way
+
+    def of(self, indices: Sequence[int]) -> "Motions":
+        """Return some of them, in this order."""
+        return Motions(*(column[list(indices)] for column in self))
+
+
+def stacked(motions: Sequence[PointMotion]) -> Motions:
+    """Stack the bounds of several agents."""
+    rows = [(m.drag, m.authority, m.longest, m.tube) for m in motions]
+    drag, authority, longest, tube = np.array(rows, dtype=float).reshape(-1, 4).T
+    return Motions(drag[:, None], authority[:, None], longest, tube)

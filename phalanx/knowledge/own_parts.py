@@ -1,0 +1,152 @@
+"""The inputs of one agent among peers that it knows by radio: its own parts, kept or braked.
+
+Theorem B: with V = R + 2ρ + L_i + L_j - d <= 0 at the start, each agent whose own part stays
+<= ½ κ max(0, -V) through every hold, by whatever it knows, keeps V <= 0 for ever, at any age:
+V' <= ½ κ Σ max(0, -V(t - s)), s <= τ, and κ τ <= 1/e. A gap by a set is never above -V, and the
+brake spends nothing, whatever is known; so there always is an input.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.knowledge.choice import InputChoice, Limits
+from phalanx.knowledge.cones import Own, cones, everywhere, fixed, joined
+from phalanx.knowledge.motion import Motions, PointMotion, stacked
+from phalanx.knowledge.sets import Boxes, HeardState, PeerSet, enclosures
+from phalanx.knowledge.spending import HoldPieces
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import length
+from phalanx.theory.rows.row import Rows
+
+_E = 2.718281828459046
+"""e, rounded upwards."""
+_PIECES = 4
+_ROUNDING = 1e-9
+"""Taken from every gap [m]."""
+
+
+class OwnPartsInput(NamedTuple):
+    """An agent's input, and what it was made from."""
+
+    u: Array
+    """The applied input, shape (axes,)."""
+    braked: bool
+    stands: bool
+    """Whether a peer has never been heard."""
+    gaps: Mapping[int, float]
+    """-V at least, of each peer that was heard [m]."""
+    sets: Mapping[int, PeerSet]
+    """Its reference."""
+    binding: int | None
+    """The peer whose gap keeps the input from the wish; None too if that is an obstacle."""
+
+
+class OwnParts:
+    """One normal agent's own parts towards peers known by radio and towards static obstacles."""
+
+    reference: Array
+    """z at the last sample, to be broadcast."""
+
+    def __init__(
+        self,
+        motion: PointMotion,
+        peers: Mapping[int, PointMotion],
+        radius: float,
+        kappa: float,
+        *,
+        believes: bool = False,
+        stamp_error: float = 0.0,
+        position_error: float = 0.0,
+        speed_error: float = 0.0,
+    ) -> None:
+        """Prepare an agent's choice.
+
+        Args:
+            motion: the agent's own.
+            peers: of each peer.
+            radius: R, the required distance of the output points [m].
+            kappa: κ, the same for all agents [1/s]; at most 1/(e τ) is used, τ the longest of all.
+            believes: whether an announced input is taken to be applied.
+            stamp_error: bound on the error of a time stamp [s].
+            position_error: bound on the error of a measured own position [m].
+            speed_error: likewise [m/s].
+        """
+        self._motion, self._names = motion, sorted(peers)
+        self._motions = stacked([peers[l] for l in self._names])
+        longest = max([motion.longest, *(m.longest for m in peers.values())])
+        self._share = 0.5 * min(kappa, 1.0 / (_E * longest))
+        self._radius, self._stamp_error = radius, stamp_error
+        self._pieces = HoldPieces(motion, _PIECES)
+        self._choice = InputChoice(motion, self._pieces)
+
+    def __call__(
+        self,
+        t: float,
+        x: Array,
+        heard: Mapping[int, HeardState],
+        wish: Array,
+        whole: Rows | None = None,
+        static: Sequence[tuple[float, Array]] = (),
+    ) -> OwnPartsInput:
+        """Choose the input of a sample.
+
+        Args:
+            t: its time [s].
+            x: the sampled state (p, v), shape (2 axes,).
+            heard: the newest state heard of each peer; known starts count as heard at 0.
+            wish: the nominal input, shape (axes,).
+            whole: rows a u <= bound on the applied input, which yield.
+            static: distance that is left to each convex obstacle, and the unit vector away from it.
+        """
+        self.reference = x
+        known = [n for n, l in enumerate(self._names) if l in heard]
+        states, motions = [heard[self._names[n]] for n in known], self._motions.of(known)
+        boxes = self._sets(t, states, motions)
+        gaps = self._gaps(boxes, motions)
+        limits = self._limits(boxes, motions, gaps, static)
+        chosen = self._choice.nearest(wish, x[self._motion.axes :], limits, whole)
+        names = [self._names[n] for n in known]
+        rows = zip(boxes.low, boxes.high, states, strict=True)
+        sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
+        return OwnPartsInput(
+            u=chosen.u,
+            braked=chosen.braked,
+            stands=len(known) < len(self._names),
+            gaps=dict(zip(names, gaps.tolist(), strict=True)),
+            sets=dict(zip(names, sets, strict=True)),
+            binding=None if chosen.binding is None else dict(enumerate(names)).get(chosen.binding),
+        )
+
+    def _sets(self, t: float, states: Sequence[HeardState], motions: Motions) -> Boxes:
+        z = np.array([state.z for state in states]).reshape(-1, 2 * self._motion.axes)
+        age = np.array([t - state.t for state in states])
+        return enclosures(z, age, motions, self._stamp_error)
+
+    def _gaps(self, boxes: Boxes, motions: Motions) -> Array:
+        """-V of each peer at most, at the reference, shape (n,) [m]."""
+        p, v = np.split(self.reference, 2)
+        own = self._radius + self._motion.tube + self._motion.stopping(float(length(v)))
+        others = motions.tube + motions.stopping(boxes.speed())
+        gaps: Array = boxes.distance(p) - own - others - _ROUNDING
+        return gaps
+
+    def _limits(
+        self, boxes: Boxes, motions: Motions, gaps: Array, static: Sequence[tuple[float, Array]]
+    ) -> Limits:
+        """Cones and own parts of peers, then of obstacles, then of peers never heard."""
+        motion, axes = self._motion, self._motion.axes
+        p, v = np.split(self.reference, 2)
+        own = Own(p, v, motion.drag, motion.authority)
+        unheard = len(self._names) - len(gaps)
+        away = np.array([n for _, n in static]).reshape(-1, axes)
+        clear = np.array([distance for distance, _ in static])
+        clear = clear - motion.tube - motion.stopping(float(length(v))) - _ROUNDING
+        around = [
+            cones(own, boxes, motions, self._pieces.times),
+            fixed(away, _PIECES),
+            everywhere(unheard, _PIECES, axes),
+        ]
+        most = [self._share * gaps, clear / motion.longest, np.zeros(unheard)]
+        return Limits(joined(around), np.maximum(0.0, np.concatenate(most)))

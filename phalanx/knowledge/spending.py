@@ -1,0 +1,63 @@
+"""An agent's own part: how fast an input may spend the gap to a peer, at most, over a hold.
+
+With z = (p, v) the reference and n the direction from the peer, the own part is::
+
+    (d/dt) L(‖v‖) - n·v,   L = ‖v‖²/2A + τ ‖v‖
+
+In k = (1 - e^{-βt}) / β the speed is linear, v(k) = v + c k, c = u - β v, and d/dt = (1 - βk) d/dk.
+On a piece of the hold v·c/A + τ d‖v‖/dk never falls, 1 - βk never rises, and the largest -n·v over
+a cone is convex: each is bounded by its ends.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from phalanx.knowledge.cones import Cones
+from phalanx.knowledge.held import held
+from phalanx.knowledge.motion import PointMotion
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import dot, length
+
+
+class HoldPieces:
+    """The pieces of an agent's longest hold, of equal length."""
+
+    def __init__(self, motion: PointMotion, pieces: int) -> None:
+        self._motion = motion
+        self.times = np.array([motion.longest * n / pieces for n in range(pieces + 1)])
+        """Their ends, shape (m + 1,) [s]."""
+        self._k = held(np.array(motion.drag), self.times).speed
+        self._rate = 1.0 - motion.drag * self._k
+
+    def spending(self, v: Array, u: Array, cones: Cones) -> Array:
+        """The largest own part of each input towards each peer over the hold [m/s].
+
+        Args:
+            v: the reference's speed at the begin, shape (axes,).
+            u: inputs, shape (q, axes).
+            cones: of n peers.
+
+        Returns:
+            shape (q, n).
+        """
+        motion, k, rate = self._motion, self._k, self._rate
+        c = u - motion.drag * v
+        path = v + c[:, None] * k[:, None]
+        c_size, speed = length(c)[:, None], length(path)
+        # v·v(k)' and d‖v‖/dk at the pieces' ends; at rest the speed rises with ‖c‖.
+        inner = dot(c, v)[:, None] + c_size * c_size * k
+        with np.errstate(divide="ignore", invalid="ignore"):
+            faster = np.where(speed > 0.0, np.minimum(inner / speed, c_size), c_size)
+        growth = (inner / motion.authority + motion.longest * faster)[:, 1:]
+        growth = growth * np.where(growth > 0.0, rate[:-1], rate[1:])
+        before, after = (cones.closing(ends) for ends in (path[:, None, :-1], path[:, None, 1:]))
+        most: Array = np.maximum.reduce(growth[:, None] + np.maximum(before, after), axis=-1)
+        return most
+
+    def most(self, v: Array) -> float:
+        """Bound on the own part of every input, towards all [m/s]."""
+        motion = self._motion
+        largest = motion.authority * sqrt(motion.axes) + motion.drag * float(length(v))
+        speed = float(length(v)) + largest * motion.longest
+        return speed * largest / motion.authority + motion.longest * largest + speed

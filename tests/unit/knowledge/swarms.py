@@ -1,0 +1,157 @@
+"""A swarm in plain Python that knows itself by radio: motions, radio, and a law to cross."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.own_parts import OwnParts
+from phalanx.knowledge.sets import HeardState
+
+RADIUS = 1.0
+STEP = 0.005
+"""Longest time between two looks at the distances [s]."""
+
+
+@dataclass
+class Radio:
+    """Broadcasts of each n-th sample, lost or delayed by a draw; some times they all are lost."""
+
+    loss: float = 0.0
+    delay: float = 0.05
+    every: int = 1
+    relays: bool = False
+    partition: tuple[float, float] = (-1.0, -1.0)
+
+
+@dataclass
+class Member:
+    """One agent: its true state, what it holds, and what it has heard."""
+
+    x: np.ndarray
+    goal: np.ndarray
+    parts: OwnParts
+    motion: PointMotion
+    u: np.ndarray
+    next_sample: float
+    samples: int = 0
+    heard: dict[int, HeardState] = field(default_factory=dict)
+
+
+@dataclass
+class Crossing:
+    """Distances and times of a crossing."""
+
+    least: float
+    """Least distance of two agents, less R [m]."""
+    arrived: int
+    ended: float
+    """Time of the end: all have arrived, or it is over [s]."""
+    braked: float
+    """Share of samples."""
+    results: list = field(default_factory=list)
+
+
+def keep_right(speed: float) -> Callable:
+    """A law that goes to a goal, keeps right of the peers that it believes ahead, and backs off."""
+
+    def law(x, goal, centres):
+        p, v = x[:2], x[2:]
+        way = goal - p
+        far = max(np.hypot(*way), 1e-9)
+        wished = way / far * min(speed, 0.8 * far)
+        for centre in centres:
+            apart = p - centre[:2]
+            distance = max(np.hypot(*apart), 1e-9)
+            near = max(0.0, 1.0 - (distance - RADIUS) / 4.0)
+            n = apart / distance
+            ahead = max(0.0, -(n @ way) / far)
+            wished = wished + speed * near * ahead * np.array([n[1], -n[0]]) * -1.0
+            wished = wished + 0.6 * speed * max(0.0, 1.0 - (distance - RADIUS) / 1.5) * n
+        size = np.hypot(*wished)
+        return 2.5 * (wished * min(1.0, speed / max(size, 1e-9)) - v)
+
+    return law
+
+
+def cross(
+    count: int,
+    radio: Radio,
+    seed: int,
+    *,
+    motion: PointMotion,
+    speed: float = 3.0,
+    circle: float = 6.0,
+    kappa: float = 3.5,
+    duration: float = 40.0,
+    push: Callable | None = None,
+    observe: Callable | None = None,
+    **options,
+) -> Crossing:
+    """Let agents on a circle swap places with those across, in two dimensions.
+
+    Args:
+        push: (member's state, number, time) -> φ of the rates, shape (4,), for one step.
+        observe: called at each sample with (time, number, members, input).
+    """
+    rng = np.random.default_rng(seed)
+    angles = 2 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
+    places = circle * np.column_stack([np.cos(angles), np.sin(angles)])
+    law, members = keep_right(speed), []
+    for i, place in enumerate(places):
+        others = {l: motion for l in range(count) if l != i}
+        parts = OwnParts(motion, others, RADIUS, kappa, **options)
+        x = np.concatenate([place, np.zeros(2)])
+        first = float(rng.uniform(0.0, motion.longest))
+        members.append(Member(x, -place, parts, motion, np.zeros(2), first))
+    starts = [HeardState(0.0, m.x, m.x, 0.0, np.zeros(2)) for m in members]
+    for i, member in enumerate(members):
+        member.heard = {l: start for l, start in enumerate(starts) if l != i}
+    messages: list[tuple[float, int, dict[int, HeardState]]] = []
+    least, t, brakes, samples = np.inf, 0.0, 0, 0
+    while t < duration:
+        due = min(range(count), key=lambda i: members[i].next_sample)
+        until = members[due].next_sample
+        while t < until:
+            step = min(STEP, until - t)
+            for i, member in enumerate(members):
+                phi = np.zeros(4) if push is None else push(member, i, t)
+                factors = held(np.array([motion.drag]), np.array([step]))
+                member.x = moved(member.x, member.u + phi[2:], factors)
+                member.x[:2] += step * phi[:2]
+            t = until if step < STEP else t + step
+            p = np.array([member.x[:2] for member in members])
+            apart = np.hypot(*(p[:, None] - p[None]).transpose(2, 0, 1))
+            least = min(least, (apart + 1e9 * np.eye(count)).min() - RADIUS)
+        member = members[due]
+        for arrival in [m for m in messages if m[0] <= t]:
+            messages.remove(arrival)
+            for l, state in arrival[2].items():
+                for_all = members[arrival[1]].heard
+                if l != arrival[1] and state.t > for_all[l].t:
+                    for_all[l] = state
+        centres = []
+        for state in member.heard.values():
+            age = np.array([t - state.t])
+            centres.append(moved(state.x, np.zeros(2), held(np.array([motion.drag]), age)))
+        wish = law(member.x, member.goal, centres)
+        result = member.parts(t, member.x, member.heard, wish)
+        member.u = result.u
+        if observe is not None:
+            observe(t, due, members, result)
+        brakes, samples = brakes + result.braked, samples + 1
+        own = HeardState(t, member.x.copy(), member.parts.reference, t, result.u)
+        if member.samples % radio.every == 0:
+            said = {**member.heard, due: own} if radio.relays else {due: own}
+            cut = radio.partition[0] <= t < radio.partition[1]
+            for i in range(count):
+                if i != due and not cut and rng.random() >= radio.loss:
+                    messages.append((t + float(rng.uniform(0.5, 1.0)) * radio.delay, i, said))
+        member.samples += 1
+        member.next_sample = t + float(rng.uniform(motion.shortest, motion.longest))
+        arrived = sum(np.hypot(*(m.x[:2] - m.goal)) < 0.3 for m in members)
+        if arrived == count:
+            break
+    return Crossing(least, arrived, t, brakes / max(samples, 1))

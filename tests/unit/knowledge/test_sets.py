@@ -1,0 +1,71 @@
+"""Sets of a peer's reference: no input leads out of them, and one leads to each corner."""
+
+import numpy as np
+import pytest
+
+from phalanx.knowledge.motion import PointMotion, stacked
+from phalanx.knowledge.sets import Boxes, enclosures
+from tests.unit.knowledge.adverse import draw_inputs, draw_motion, gap, path
+
+AWAY = 1e-9
+
+
+@pytest.mark.parametrize("kind", ["random", "bang-bang"])
+def test_a_set_contains_the_peer_whatever_its_inputs_were(kind):
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        motion, age = draw_motion(rng), float(rng.uniform(0.0, 2.0))
+        z = rng.normal(size=2 * motion.axes)
+        low, high = enclosures(z[None], np.array([age]), stacked([motion]))
+        *_, there = path(z, draw_inputs(kind, 16, motion, rng), age, motion.drag)
+        assert (low[0] - AWAY <= there).all()
+        assert (there <= high[0] + AWAY).all()
+
+
+def test_one_input_reaches_the_far_end_of_place_and_speed():
+    motion, z = PointMotion(2, 3.0, 0.4, 0.0, longest=0.05, shortest=0.03), np.zeros(4)
+    _, high = enclosures(z[None], np.array([1.5]), stacked([motion]))
+    *_, there = path(z, np.full((1, 2), 3.0), 1.5, 0.4)
+    np.testing.assert_allclose(high[0], there)
+
+
+def test_a_set_contains_the_peer_whatever_the_error_of_the_stamp():
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        motion, error = draw_motion(rng), 0.1
+        z, age = 3.0 * rng.normal(size=2 * motion.axes), float(rng.uniform(0.0, 1.0))
+        low, high = enclosures(z[None], np.array([age]), stacked([motion]), error)
+        true_age = max(0.0, age + float(rng.uniform(-error, error)))
+        *_, there = path(z, draw_inputs("bang-bang", 16, motion, rng), true_age, motion.drag)
+        assert (low[0] - AWAY <= there).all()
+        assert (there <= high[0] + AWAY).all()
+
+
+def test_a_gap_by_a_set_is_never_above_the_true_one():
+    rng, closest = np.random.default_rng(4), np.inf
+    for _ in range(300):
+        motion, age = draw_motion(rng), float(rng.uniform(0.0, 1.0))
+        z, own = rng.normal(size=(2, 2 * motion.axes))
+        own[: motion.axes] *= 6.0
+        boxes = enclosures(z[None], np.array([age]), stacked([motion]))
+        claim = boxes.distance(own[: motion.axes]) - 1.0
+        claim -= motion.stopping(float(np.linalg.norm(own[motion.axes :])))
+        claim -= stacked([motion]).stopping(boxes.speed())
+        towards = own[: motion.axes] - z[: motion.axes]
+        inputs = np.sign(towards) * np.full((4, motion.axes), motion.authority)
+        *_, there = path(z, inputs, age, motion.drag)
+        true = gap(own, there, motion, motion, 1.0)
+        assert claim[0] <= true + AWAY
+        closest = min(closest, true - claim[0])
+    assert closest < 0.5, "claims are near the truth where the peer comes as fast as it can"
+
+
+def test_what_happens_until_a_time_is_within_the_swept_box():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        motion, time = draw_motion(rng), float(rng.uniform(0.0, 1.0))
+        z = rng.normal(size=2 * motion.axes)
+        swept = Boxes(z[None], z[None]).within(np.array([time]), stacked([motion]))
+        for there in path(z, draw_inputs("bang-bang", 16, motion, rng), time, motion.drag):
+            assert (swept.low[0] - AWAY <= there).all()
+            assert (there <= swept.high[0] + AWAY).all()

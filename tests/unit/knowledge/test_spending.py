@@ -1,0 +1,115 @@
+"""Cones and own parts: over a whole hold no input spends more than the test says."""
+
+import numpy as np
+
+from phalanx.knowledge.cones import Own, cones
+from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.motion import stacked
+from phalanx.knowledge.sets import Boxes, enclosures
+from phalanx.knowledge.spending import HoldPieces
+from tests.unit.knowledge.adverse import draw_inputs, draw_motion, path
+
+AWAY = 1e-8
+FINE = 64
+
+
+def own_parts(motion, v, u, n, times):
+    """(d/dt) L - n·v at these times, by its formula; n has shape (times, axes)."""
+    factors = held(np.array([[motion.drag]]), times[:, None])
+    path = factors.decay * v + factors.speed * u
+    speed, faster = np.linalg.norm(path, axis=1), u - motion.drag * path
+    rate = (path * faster).sum(axis=1)
+    turn = np.where(speed > 0.0, rate / np.where(speed > 0.0, speed, 1.0), np.linalg.norm(u))
+    return rate / motion.authority + motion.longest * turn - (n * path).sum(axis=1)
+
+
+def draw_pair(rng):
+    """An own motion and state, a peer heard some time ago, where it is now, and its inputs."""
+    motion, age = draw_motion(rng), float(rng.uniform(0.0, 0.6))
+    axes = motion.axes
+    own, z = 1.5 * rng.normal(size=(2, 2 * axes))
+    own[:axes] = z[:axes] + rng.normal(size=axes) * rng.choice([1.0, 3.0, 10.0])
+    if rng.random() < 0.1:
+        own[axes:] = 0.0
+    boxes = enclosures(z[None], np.array([age]), stacked([motion]))
+    *_, peer = path(z, draw_inputs("bang-bang", 8, motion, rng), age, motion.drag)
+    return motion, own, boxes, peer
+
+
+def test_no_instant_of_a_hold_spends_more_than_the_test_says():
+    rng, tightest = np.random.default_rng(1), np.inf
+    for _ in range(400):
+        motion, own, boxes, peer = draw_pair(rng)
+        axes, hold = motion.axes, HoldPieces(motion, 4)
+        around = Own(own[:axes], own[axes:], motion.drag, motion.authority)
+        cone = cones(around, boxes, stacked([motion]), hold.times)
+        u = draw_inputs(str(rng.choice(["random", "bang-bang"])), 1, motion, rng)[0]
+        claim = hold.spending(own[axes:], u[None], cone)[0, 0]
+        others = draw_inputs("bang-bang", FINE, motion, rng)
+        there = list(path(peer, others, motion.longest, motion.drag))
+        here = list(path(own, np.tile(u, (FINE, 1)), motion.longest, motion.drag))
+        n = np.array(here)[:, :axes] - np.array(there)[:, :axes]
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        times = np.arange(1, FINE + 1) * motion.longest / FINE
+        true = own_parts(motion, own[axes:], u, n, times).max()
+        assert true <= claim + AWAY
+        tightest = min(tightest, claim - true)
+    assert tightest < 0.05
+
+
+def test_the_direction_to_a_peer_stays_in_its_cone_throughout_each_piece():
+    rng, narrow = np.random.default_rng(2), 0
+    for _ in range(300):
+        motion, own, boxes, peer = draw_pair(rng)
+        axes, hold = motion.axes, HoldPieces(motion, 4)
+        around = Own(own[:axes], own[axes:], motion.drag, motion.authority)
+        cone = cones(around, boxes, stacked([motion]), hold.times)
+        kinds = (draw_inputs("bang-bang", FINE, motion, rng) for _ in range(2))
+        here, there = (
+            np.array(list(path(x, inputs, motion.longest, motion.drag)))[:, :axes]
+            for x, inputs in zip((own, peer), kinds, strict=True)
+        )
+        n = (here - there) / np.linalg.norm(here - there, axis=1)[:, None]
+        piece = np.minimum(np.arange(FINE) * 4 // FINE, 3)
+        assert ((cone.axis[0, piece] * n).sum(axis=1) >= cone.cos[0, piece]).all()
+        narrow += bool((cone.cos > 0.5).all())
+    assert narrow > 100
+
+
+def test_the_brake_spends_nothing_in_any_direction_and_needs_no_more_than_the_authority():
+    rng = np.random.default_rng(3)
+    for _ in range(500):
+        motion = draw_motion(rng)
+        v = rng.normal(size=motion.axes) * rng.choice([1e-3, 0.1, 1.0, 20.0])
+        u = motion.brake(v)
+        assert np.linalg.norm(u) <= motion.authority * (1.0 + 1e-12)
+        times = np.linspace(0.0, motion.longest, FINE)
+        factors = held(np.array([[motion.drag]]), times[:, None])
+        path_v = factors.decay * v + factors.speed * u
+        closing = -path_v / np.maximum(np.linalg.norm(path_v, axis=1), 1e-12)[:, None]
+        assert own_parts(motion, v, u, closing, times)[:-1].max() <= 1e-9 * (1.0 + np.abs(v).max())
+
+
+def test_the_brake_ends_at_rest_within_the_stopping_distance():
+    rng = np.random.default_rng(4)
+    for _ in range(100):
+        motion = draw_motion(rng)
+        x = np.concatenate([np.zeros(motion.axes), 4.0 * rng.normal(size=motion.axes)])
+        allowed = motion.stopping(float(np.linalg.norm(x[motion.axes :])))
+        for _ in range(400):
+            time = float(rng.uniform(motion.shortest, motion.longest))
+            u = motion.brake(x[motion.axes :])
+            x = moved(x, u, held(np.array([motion.drag]), np.array([time])))
+        assert np.linalg.norm(x[: motion.axes]) <= allowed + 1e-9
+        assert np.linalg.norm(x[motion.axes :]) < 1e-9
+
+
+def test_boxes_that_may_contain_the_agent_leave_all_directions_open():
+    rng = np.random.default_rng(5)
+    motion = draw_motion(rng)
+    axes = motion.axes
+    box = Boxes(np.full((1, 2 * axes), -1.0), np.full((1, 2 * axes), 1.0))
+    inside = Own(np.full(axes, 0.5), np.zeros(axes), motion.drag, motion.authority)
+    cone = cones(inside, box, stacked([motion]), HoldPieces(motion, 4).times)
+    v = rng.normal(size=axes)
+    np.testing.assert_allclose(cone.closing(v), np.linalg.norm(v))
