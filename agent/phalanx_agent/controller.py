@@ -27,6 +27,8 @@ class StepResult(Struct, frozen=True):
     """The agents whose û_l counted."""
     notes: Mapping[str, float] = MappingProxyType({})
     """Numbers that another controller than the paper's wants recorded."""
+    reference: Array | None = None
+    """Its reference state, shape (n_i,), which its peers by radio get; None for the state."""
     claimed: Array | None = None
     """The input that it broadcasts, shape (m_i,); None for the one that it applies."""
 

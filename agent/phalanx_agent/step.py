@@ -3,9 +3,11 @@
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from phalanx.faults.commands import ActiveCommands
 from phalanx.messages.kinds import (
@@ -25,6 +27,8 @@ from phalanx.network.inbox import (
     BroadcastRange,
     Conviction,
     DeliveryReport,
+    SentInput,
+    Statement,
 )
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
@@ -32,7 +36,7 @@ from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.mistakes import mistake_at
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.state_codec import StateCodec
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import Broadcaster, Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import error_line
@@ -71,6 +75,8 @@ class Accepted(Struct, frozen=True):
     """Stacked state, shape (n̄,); NaN for agents that are not seen."""
     existing: dict[int, BroadcastRange]
     """The broadcasts that it counts, by sender."""
+    distances: Mapping[int, float] = MappingProxyType({})
+    """To each sender [m], if some are not seen."""
 
 
 class ControlStep:
@@ -88,8 +94,12 @@ class ControlStep:
         self.swarm, self._rows = swarm, rows
         self.i = i
         self.name = swarm.names[i]
-        self._heard = frozenset(swarm.heard_by(i))
-        self.inbox = BroadcastInbox(swarm.heard_by(i), self._link)
+        self._heard, self._peers = frozenset(swarm.heard_by(i)), frozenset(swarm.peers(i))
+        self._broadcasters = {b.i: b for b in swarm.broadcasters.values()}
+        peers = {l: self._broadcasters[l].every for l in self._peers}
+        self.inbox = BroadcastInbox(swarm.heard_by(i), self._link, peers)
+        radio = swarm.groups[i].radio
+        self._relays = radio.relays if radio else 0
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = StateCodec(swarm)
@@ -120,8 +130,9 @@ class ControlStep:
         """
         try:
             x = self._states.unpack(sample.x, sample.seen)
-            counted = zip(sample.seen, sample.since, sample.latest, strict=True)
-            existing = {j: (since, latest) for j, since, latest in counted if since >= 0}
+            counted = zip(sample.senders, sample.since, sample.latest, strict=True)
+            existing = {j: (since, latest) for j, since, latest in counted}
+            distances = dict(zip(sample.senders, sample.distances or sample.senders, strict=True))
         except ValueError as error:
             raise Malformed("wrong size") from error
         largest = np.maximum.reduce(np.abs(np.frombuffer(sample.x, dtype="<f8")), initial=0.0)
@@ -129,7 +140,8 @@ class ControlStep:
             raise Malformed("too large" if np.isfinite(largest) else "not finite")
         if self.i not in sample.seen or not self._heard >= set(existing):
             raise Malformed("wrong agents")
-        if self.i in sample.hearers or not set(sample.seen) >= set(sample.hearers):
+        reached = {*sample.seen, *self._peers}
+        if self.i in sample.hearers or not reached >= {*sample.hearers, *existing}:
             raise Malformed("wrong agents")
         first, clock = self._next is None, clock_of(sample)
         # In real time samples may be lost, when a router is.
@@ -140,7 +152,7 @@ class ControlStep:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
         self._clock = clock
-        return Accepted(sample, x, existing)
+        return Accepted(sample, x, existing, distances if sample.distances else {})
 
     def lacks_broadcasts(self, accepted: Accepted) -> bool:
         """Return whether a broadcast that a sample counts has yet to arrive."""
@@ -165,10 +177,24 @@ class ControlStep:
         if message.k >= broadcaster.most:
             # Accepting more would fill the memory.
             raise Malformed("from the future")
-        if len(message.u) != broadcaster.inputs:
+        if not self._well_formed(broadcaster, message):
             raise Malformed("wrong size")
         if not self.inbox.put(broadcaster.i, message, self._clock.now()):
             raise Malformed("out of order")
+
+    def _well_formed(self, broadcaster: Broadcaster, message: Broadcast) -> bool:
+        """Return whether a broadcast has the sizes of its sender's, and so have its relays."""
+        if len(message.relays) > broadcaster.relays:
+            return False
+        others = ((self._broadcasters.get(s.sender), s) for s in message.relays)
+        statements: list[tuple[Broadcaster | None, SentInput]] = [(broadcaster, message), *others]
+        return all(
+            of is not None
+            and len(s.u) == of.inputs
+            and s.k < of.most
+            and len(s.x) == len(s.z) == of.states
+            for of, s in statements
+        )
 
     def __call__(self, accepted: Accepted) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts.
@@ -201,9 +227,10 @@ class ControlStep:
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
+        broadcasts = self._broadcasts(sample, AnnouncedInput(t_apply, claimed))
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
-            self._broadcasts(sample, AnnouncedInput(t_apply, claimed)),
+            self._with_states(broadcasts, sample, x, result) if self._peers else broadcasts,
             Telemetry(
                 k=sample.k,
                 report=result.report(time.perf_counter() - began),
@@ -240,18 +267,32 @@ class ControlStep:
         past.append(truth.u)
         return {l: _broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
 
+    def _with_states(
+        self, broadcasts: dict[int, Broadcast], sample: Sample, x: Array, result: StepResult
+    ) -> dict[int, Broadcast]:
+        """Add to broadcasts to peers the agent's state, and the newest that it heard of others."""
+        if not broadcasts:
+            return broadcasts
+        own = tuple(x[self.swarm.safe_set.parts[self.i]].tolist())
+        reference = own if result.reference is None else tuple(result.reference.tolist())
+        newest = sorted(self.inbox.received.items(), key=lambda item: (-item[1].t, item[0]))
+        relays = tuple([_relayed(l, s) for l, s in newest if l in self._peers][: self._relays])
+        more = {"t": sample.t, "x": own, "z": reference, "relays": relays}
+        return {l: replace(b, **more) if l in self._peers else b for l, b in broadcasts.items()}
+
     def _decide_fates(self, accepted: Accepted) -> tuple[DeliveryReport, ...]:
         sample, x = accepted.sample, accepted.x
+        known = accepted.distances
         fates = self.inbox.advance(
             self._clock.counted(self.inbox, accepted.existing),
             sample.t,
-            lambda sender: self.swarm.distance(x, self.i, sender),
+            lambda j: known[j] if known else self.swarm.distance(x, self.i, j),
         )
         for sender, message in self.inbox.corrupt:
-            sent = Broadcast(k=message.k, t_apply=message.t_apply, u=message.u)
+            assert isinstance(message, Broadcast)
             key = self._keys.broadcast(self.swarm.names[sender], self.name)
             try:
-                self._sealer.open_damaged(key, sent, sent.k)
+                self._sealer.open_damaged(key, message, message.k)
             except Malformed:
                 self.rejected += 1
         return fates
@@ -283,6 +324,12 @@ def control_steps(
         return [ControlStep(rows, rows.swarm.names.index(name), membership=membership)]
     part: Callable[[int], AgentController] = part_of_agent("safety.control")(rows).part
     return [ControlStep(rows, i, part(i), membership) for i in rows.swarm.normal]
+
+
+def _relayed(sender: int, said: SentInput) -> Statement:
+    return Statement(
+        sender=sender, k=said.k, t_apply=said.t_apply, u=said.u, t=said.t, x=said.x, z=said.z
+    )
 
 
 def _broadcast(k: int, claim: AnnouncedInput) -> Broadcast:

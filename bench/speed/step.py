@@ -162,10 +162,10 @@ def payload_sizes(scenario: phalanx.Scenario) -> Sizes:
     """Compute the sizes of the messages in the first step of the first normal agent."""
     swarm = build_swarm(scenario)
     step = ControlStep(build_rows(swarm), swarm.normal[0])
-    nothing, everyone = tuple(-1 for _ in swarm.members), tuple(range(len(swarm.members)))
+    everyone = tuple(range(len(swarm.members)))
     x = StateCodec(swarm).pack(swarm.start(), everyone)
     hearers = swarm.heard_by(step.i)
-    sample = Sample(k=0, t=0.0, seen=everyone, x=x, since=nothing, latest=nothing, hearers=hearers)
+    sample = Sample(k=0, t=0.0, seen=everyone, x=x, hearers=hearers)
     answer = step(step.accept_sample(sample))
     broadcast = answer.broadcasts[hearers[0]]
     messages = (sample, answer.actuation, broadcast, answer.telemetry)

@@ -11,11 +11,11 @@ import msgspec
 
 from phalanx.faults.commands import ActiveCommands
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import Conviction, DeliveryReport
+from phalanx.network.inbox import Conviction, DeliveryReport, Statement
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
 
-VERSION = 4
+VERSION = 5
 MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 LONGEST_FAILURE = 2_000
@@ -55,13 +55,16 @@ class Sample(Message, frozen=True, kw_only=True):
     """Indices of the agents that it sees, itself among them, in order."""
     x: bytes
     """Their states, stacked in that order, little-endian float64."""
-    since: tuple[int, ...]
-    """For each of them, the sequence number of the first of its broadcasts that count; -1 if none
-    does."""
-    latest: tuple[int, ...]
-    """For each of them, that of the last one before t: all from `since` on were put to agent i."""
+    senders: tuple[int, ...] = ()
+    """Indices of the agents whose broadcasts count."""
+    since: tuple[int, ...] = ()
+    """For each sender, the sequence number of the first of its broadcasts that count."""
+    latest: tuple[int, ...] = ()
+    """For each sender, that of the last one before t: all from `since` on were put to agent i."""
     hearers: tuple[int, ...]
-    """Indices of those among them that get agent i's broadcast: they see it too, and listen."""
+    """Indices of those that get agent i's broadcast: they see it too, and listen; or by radio."""
+    distances: tuple[float, ...] = ()
+    """To each sender [m], for the rules of links; empty if it sees them all."""
     commands: ActiveCommands | None = None
     pace: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] | None = None
     """In real time, seconds of virtual time per second of wall time: the agent answers with the
@@ -70,9 +73,8 @@ class Sample(Message, frozen=True, kw_only=True):
 
 def last_sample(i: int, k: int, t: float, x: bytes) -> Sample:
     """Make the sample at which agent i's process has to kill itself."""
-    itself, nothing = (i,), (-1,)
     return Sample(
-        k=k, t=t, seen=itself, x=x, since=nothing, latest=nothing, hearers=(),
+        k=k, t=t, seen=(i,), x=x, hearers=(),
         commands=ActiveCommands(die=True),
     )  # fmt: skip
 
@@ -91,16 +93,24 @@ class Actuation(Message, frozen=True, kw_only=True):
 
 
 class Broadcast(Message, frozen=True, kw_only=True):
-    """Agent i to one of its peers: the input that it claims to hold from t_apply on."""
+    """Agent i to one of its peers: its statement, which may be a lie, and those of others."""
 
     largest: ClassVar[float] = LARGEST
 
     k: int
-    """Its sequence number."""
+    """Number of the sample that it answers."""
     t_apply: float
-    """[s]"""
+    """Time from which it claims to hold the input [s]."""
     u: tuple[float, ...]
     """Native input, shape (m_i,)."""
+    t: float = 0.0
+    """Time of the sample [s]; by radio."""
+    x: tuple[float, ...] = ()
+    """State at the sample, shape (n_i,); by radio."""
+    z: tuple[float, ...] = ()
+    """Reference state at the sample, shape (n_i,); by radio."""
+    relays: tuple[Statement, ...] = ()
+    """Statements of others, as agent i has received them; by radio."""
 
 
 class Telemetry(Message, frozen=True, kw_only=True):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
 from operator import itemgetter
+from types import MappingProxyType
 from typing import Protocol
 
 import msgspec
@@ -20,12 +21,51 @@ class AnnouncedInput(msgspec.Struct, array_like=True, frozen=True):
     """Native input, shape (m_i,)."""
 
 
+class Statement(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A broadcast of another agent, as its relay repeats it."""
+
+    sender: int
+    """Index of the agent that made it."""
+    k: int
+    """Number of the sample that it answers."""
+    t_apply: float
+    """Time from which the input is in force [s]."""
+    u: tuple[float, ...]
+    """Native input, shape (m_l,)."""
+    t: float
+    """Time of the sample [s]."""
+    x: tuple[float, ...]
+    """State at the sample, shape (n_l,)."""
+    z: tuple[float, ...]
+    """Reference state at the sample, which the state follows in spite of φ, shape (n_l,)."""
+
+
 class SentInput(ReceivedInput, Protocol):
-    """A broadcast as the inbox needs it; it is sent when its input takes effect."""
+    """A statement as the inbox needs it; it is sent when its input takes effect."""
 
     @property
     def k(self) -> int:
         """Its sequence number."""
+
+    @property
+    def t(self) -> float:
+        """Time of its sample [s]; by radio."""
+
+    @property
+    def x(self) -> tuple[float, ...]:
+        """State at the sample; by radio."""
+
+    @property
+    def z(self) -> tuple[float, ...]:
+        """Reference state at the sample; by radio."""
+
+
+class SentBroadcast(SentInput, Protocol):
+    """A broadcast as the inbox needs it."""
+
+    @property
+    def relays(self) -> tuple[Statement, ...]:
+        """Statements of others."""
 
 
 BroadcastRange = tuple[int, int]
@@ -66,28 +106,36 @@ class BroadcastInbox:
     exact and independent of the machine's load.
 
     A sender whose broadcasts a sample does not count is out of sight: its earlier inputs are
-    discarded, and only broadcasts that it sends after its return count.
+    discarded, and only broadcasts that it sends after its return count. What a peer by radio said
+    is never discarded.
     """
 
-    def __init__(self, senders: Iterable[int], link: Callable[[int], Link]) -> None:
+    def __init__(
+        self,
+        senders: Iterable[int],
+        link: Callable[[int], Link],
+        peers: Mapping[int, int] = MappingProxyType({}),
+    ) -> None:
         """Accept broadcasts of some senders only.
 
         Args:
             senders: their indices.
             link: creates the link from a sender, at its first broadcast: in a large swarm most
                 senders stay out of sight.
+            peers: of the senders those known by radio, each with its samples per broadcast.
         """
-        self._incoming = {sender: Incoming() for sender in senders}
+        self._incoming = {sender: Incoming(peers.get(sender, 1)) for sender in senders}
+        self._peers = peers.keys()
         self._make_link = link
         self._override: tuple[float | None, float | None] = None, None
         self._in_sight: Set[int] = frozenset()
-        self._in_flight: list[tuple[float, int, SentInput]] = []
+        self._in_flight: list[tuple[float, int, SentBroadcast]] = []
         """Copies not delivered yet, each with its time of delivery [s] and its sender."""
         self.received: dict[int, SentInput] = {}
-        """The newest broadcast by sender, of those received since it came into sight."""
-        self.delivered: list[tuple[int, SentInput]] = []
+        """The newest statement by sender, of those received since it came into sight."""
+        self.delivered: list[tuple[int, SentBroadcast]] = []
         """All intact broadcasts that the last call of advance delivered, with their senders."""
-        self.corrupt: list[tuple[int, SentInput]] = []
+        self.corrupt: list[tuple[int, SentBroadcast]] = []
         """The corrupt copies of those it decided: their senders, and the intact messages."""
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
@@ -105,7 +153,7 @@ class BroadcastInbox:
             incoming.skip_to(latest)
         self._in_sight = counted.keys()
 
-    def put(self, sender: int, message: SentInput, at: float = -math.inf) -> bool:
+    def put(self, sender: int, message: SentBroadcast, at: float = -math.inf) -> bool:
         """Store a broadcast. Return False if it was decided or stored before: a replay.
 
         at: virtual time of its arrival [s]; -inf in lockstep.
@@ -167,7 +215,8 @@ class BroadcastInbox:
         """Discard all that was sent so far: the sender is out of sight."""
         self._incoming[sender].since = None
         self._in_flight = [copy for copy in self._in_flight if copy[1] != sender]
-        self.received.pop(sender, None)
+        if sender not in self._peers:
+            self.received.pop(sender, None)
 
     def _deliver(self, t: float) -> None:
         """Deliver the copies due by t [s], by sender."""
@@ -178,10 +227,16 @@ class BroadcastInbox:
         due.sort(key=_SENDER)
         self.delivered = due
         for sender, message in due:
-            incoming = self._incoming[sender]
-            # A slow broadcast may be delivered after one that was sent later.
-            if message.k > incoming.newest:
-                incoming.newest, self.received[sender] = message.k, message
+            self._keep(sender, message)
+            for statement in message.relays:
+                if statement.sender in self._peers:
+                    self._keep(statement.sender, statement)
+
+    def _keep(self, sender: int, message: SentInput) -> None:
+        incoming = self._incoming[sender]
+        # A slow broadcast may be delivered after one that was sent later.
+        if message.k > incoming.newest:
+            incoming.newest, self.received[sender] = message.k, message
 
     def _decide(
         self, sender: int, latest: int, t: float, distance: Callable[[int], float]
@@ -228,24 +283,26 @@ _SENDER = itemgetter(0)
 class Incoming:
     """Broadcasts of one sender: those arrived, those decided, and the newest delivered."""
 
-    __slots__ = ("arrived", "decided", "link", "newest", "since")
+    __slots__ = ("arrived", "decided", "every", "link", "newest", "since")
 
-    def __init__(self) -> None:
+    def __init__(self, every: int = 1) -> None:
+        """every: samples from one of its broadcasts to the next."""
+        self.every = every
         self.link: Link | None = None
         """Of the sender, made when its first broadcast is decided."""
         self.since: int | None = None
         """The first broadcast that counts; None while the sender is out of sight."""
         self.decided = -1
         """The last broadcast that the link has decided."""
-        self.arrived: dict[int, tuple[SentInput, float]] = {}
+        self.arrived: dict[int, tuple[SentBroadcast, float]] = {}
         """By number: broadcasts not decided yet, each with its time of arrival [s]."""
         self.newest = -1
         """The newest broadcast delivered."""
 
     def missing(self, since: int, latest: int) -> list[int]:
         """Return the numbers in this range that are neither decided nor stored."""
-        first = max(self.decided + 1, since)
-        return [k for k in range(first, latest + 1) if k not in self.arrived]
+        first = -(-max(self.decided + 1, since) // self.every) * self.every
+        return [k for k in range(first, latest + 1, self.every) if k not in self.arrived]
 
     def newest_arrived(self) -> int:
         return max(self.arrived, default=self.decided)

@@ -94,6 +94,17 @@ class Disturbance(Strict):
     at full size, one knot late."""
 
 
+class Radio(Strict):
+    """Knowledge of peers, the normal agents with a radio, by their broadcasts alone."""
+
+    every: Annotated[int, Field(ge=1, strict=True)] = 1
+    """Samples from one broadcast to the next."""
+    relays: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Most statements of others that a broadcast repeats."""
+    gain: Positive | None = None
+    """κ of own parts [1/s]; default: 1.2 broadcasts' periods, at most 1/(e τ)."""
+
+
 class AgentGroup(Strict):
     """Agents that differ only in name and start."""
 
@@ -113,6 +124,8 @@ class AgentGroup(Strict):
     sensing: Positive | None = None
     """Radius within which an agent sees others and receives their broadcasts [m]; default:
     safety.neighbourhood for normal agents, no limit for adversaries."""
+    radio: Radio | None = None
+    """Its agents know others with a radio by what these broadcast of themselves, not by sensing."""
     slots: tuple[Annotated[int, Field(ge=0)], ...] = ()
     """The formation slot of each agent: its goal, and its start unless start is given."""
     goal: tuple[GoalField, ...] = ()
@@ -146,6 +159,9 @@ class AgentGroup(Strict):
                 message = "expected none for adversaries, whose law is the attack"
                 raise field_error(("controller",), message, self.controller)
             self.fresh_controller()
+        if self.radio is not None and self.role == "adversary":
+            message = "expected none for adversaries, who sense everybody within their radius"
+            raise field_error(("radio",), message, self.radio)
         if bool(self.names) == (self.count is not None):
             got = "both" if self.names else "neither"
             raise field_error((), "expected names, or a count and no names", got)

@@ -41,7 +41,13 @@ class Broadcaster(NamedTuple):
     inputs: int
     """m_i"""
     most: int
-    """Upper bound on their number in the run."""
+    """Upper bound on the numbers of its samples in the run."""
+    states: int = 0
+    """n_i; 0 without a radio, as it then states none."""
+    every: int = 1
+    """Samples from one broadcast to the next."""
+    relays: int = 0
+    """Most statements of others in a broadcast."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,12 @@ class Swarm:
             members.setdefault(number, []).append(l)
         return tuple((agents[0], agents[-1]) for agents in members.values())
 
+    def peers(self, i: int) -> tuple[int, ...]:
+        """Return the agents that agent i knows by radio: those with a radio, if it has one too."""
+        if self.groups[i].radio is None:
+            return ()
+        return tuple(j for j in self.normal if j != i and self.groups[j].radio is not None)
+
     def sensing(self, i: int) -> float | None:
         """Return agent i's sensing radius [m]; None if it has no limit."""
         sensor = self.groups[i].sensing
@@ -194,9 +206,14 @@ class Swarm:
                 i,
                 len(self.members[i].dynamics.inputs),
                 self.clock(i).most_samples(duration) + faults[self.names[i]],
+                *self._radio(i),
             )
             for i in self.normal
         }
+
+    def _radio(self, i: int) -> tuple[int, ...]:
+        radio = self.groups[i].radio
+        return (len(self.members[i].dynamics.states), radio.every, radio.relays) if radio else ()
 
     @property
     def synchronous(self) -> bool:

@@ -69,7 +69,8 @@ class RecordedAgents(NoProcesses):
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Answer agent i's sample as recorded; of an input that was lost only fates are known."""
-        fates, latest = list[DeliveryReport](), dict(zip(sample.seen, sample.latest, strict=True))
+        latest = dict(zip(sample.senders, sample.latest, strict=True))
+        fates = list[DeliveryReport]()
         while (queue := self._fates[i]) and queue[0].k <= latest.get(queue[0].sender, -1):
             fates.append(queue.popleft())
         self._newest[i], step = sample.k, self._steps.get((i, sample.k))

@@ -256,8 +256,6 @@ def orders_another_to_die(by: Attacker) -> Iterator[None]:
                     t=0.01 * k,
                     seen=(0, 1, 2, 3, 4),
                     x=bytes(120),
-                    since=(-1,) * 5,
-                    latest=(-1,) * 5,
                     hearers=(),
                     commands=commands,
                 )

@@ -67,9 +67,8 @@ def _state() -> bytes:
 
 def _sample(k: int) -> Sample:
     everybody = tuple(range(len(_swarm().names)))
-    nothing = tuple(-1 for _ in everybody)
     return Sample(
-        k=k, t=0.01 * k, seen=everybody, x=_state(), since=nothing, latest=nothing, hearers=(1, 2),
+        k=k, t=0.01 * k, seen=everybody, x=_state(), hearers=(1, 2),
         commands=ActiveCommands(loss=0.1, delay=0.01) if k % 2 else None,
     )  # fmt: skip
 

@@ -174,6 +174,7 @@ def look_ahead(world: World) -> Synchronization:
     limited = 2 * np.isfinite(radii).sum() > len(radii)
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
     drawn = isinstance(world.integration, RungeKutta)
-    if swarm.time.lookahead and drawn and limited and not adverse:
+    by_radio = any(map(swarm.peers, swarm.normal))  # distances to all are in every sample
+    if swarm.time.lookahead and drawn and limited and not adverse and not by_radio:
         return Lookahead(world, radii)
     return Sequential(world)

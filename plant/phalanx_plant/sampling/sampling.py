@@ -210,6 +210,9 @@ class Sampling:
         """Agents that a command keeps from sampling and answering."""
         self._states = StateCodec(swarm)
         self._contacts = Contacts(len(swarm.members), latency)
+        broadcasters = swarm.broadcasters.values()
+        self._every = {broadcaster.i: broadcaster.every for broadcaster in broadcasters}
+        """Samples from one broadcast of an agent to the next."""
 
     @property
     def faults(self) -> Counter[int]:
@@ -226,18 +229,21 @@ class Sampling:
         pace: speed of virtual time, in real time.
         """
         awake = visible.without(self.silent) if self.silent else visible
-        since, latest = self._contacts.existing(i, t, awake.seen)
+        ranges = self._contacts.existing(i, t, (*awake.seen, *awake.peers))
         k = self.schedule.sampled(i, t)
-        self._contacts.sampled(i, k, t, awake)
+        broadcasts = k % self._every.get(i, 1) == 0
+        self._contacts.sampled(i, k, t, awake, broadcasts)
         measured = self._sensors.measured(i, k, t, x)
         sample = Sample(
             k=k,
             t=t,
             seen=awake.seen,
             x=self._states.pack(measured, awake.seen),
-            since=since,
-            latest=latest,
-            hearers=awake.hearers,
+            senders=tuple([j for j, _, _ in ranges]),
+            since=tuple([first for _, first, _ in ranges]),
+            latest=tuple([last for _, _, last in ranges]),
+            hearers=awake.hearers if broadcasts else (),
+            distances=_distances(awake, ranges),
             commands=self._commanded.active_commands(i),
             pace=pace,
         )
@@ -269,3 +275,11 @@ class Sampling:
                 processes.resume(i, command.t)
                 self.schedule.resume(i, command.t)
         return CommandApplied(command, i, forgotten)
+
+
+def _distances(visible: Visibility, ranges: Sequence[tuple[int, int, int]]) -> tuple[float, ...]:
+    """Return the distance to each sender [m]; empty without peers by radio."""
+    if not visible.peers:
+        return ()
+    to = dict(zip((*visible.seen, *visible.peers), visible.distances, strict=True))
+    return tuple([to[j] for j, _, _ in ranges])

@@ -20,12 +20,16 @@ from phalanx.theory.arrays import Array
 
 
 class Visibility(NamedTuple):
-    """The agents in one agent's sample."""
+    """The agents in one agent's sample, and those who hear its broadcast."""
 
     seen: tuple[int, ...]
     """Agents that it sees, itself included, in order."""
     hearers: tuple[int, ...]
-    """Those among them that see it too, and listen to it: they receive its broadcast."""
+    """Those that receive its broadcast: they see each other and it listens, or by radio."""
+    peers: tuple[int, ...] = ()
+    """Agents that it knows by radio, and does not see."""
+    distances: tuple[float, ...] = ()
+    """To each that it sees, then to each peer [m]; empty without peers."""
 
     def without(self, silent: Set[int]) -> "Visibility":
         """Remove dead and paused agents from the hearers."""
@@ -47,7 +51,8 @@ class Sensing:
         heard = [frozenset(swarm.heard_by(i)) for i in members]
         self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
         self._listening = [frozenset(agents) for agents in self._listeners]
-        self._limited = bool(np.isfinite(self._reach).any())
+        self._peers = [swarm.peers(i) for i in members]
+        self._limited = bool(np.isfinite(self._reach).any()) or any(self._peers)
 
     def visible(self, p: Array, agents: Sequence[int]) -> list[Visibility]:
         """Return the visibility of these agents, for true output positions p [m], (N, d)."""
@@ -60,11 +65,17 @@ class Sensing:
         return bool((_squared(p[others] - p[i]) <= self._reach[i]).any())
 
     def _visible_to(self, p: Array, i: int) -> Visibility:
-        distances = _squared(p - p[i])
-        (seen,) = (distances <= self._reach[i]).nonzero()
-        mutual = seen[distances[seen] <= self._reach[seen]].tolist()
-        listeners = self._listening[i]
-        return Visibility(tuple(seen.tolist()), tuple([l for l in mutual if l in listeners]))
+        distances, peers = _squared(p - p[i]), self._peers[i]
+        sensed = distances <= self._reach[i]
+        sensed[list(peers)] = False
+        (seen,) = sensed.nonzero()
+        mutual, listeners = seen[distances[seen] <= self._reach[seen]].tolist(), self._listening[i]
+        hearers = tuple([l for l in mutual if l in listeners])
+        if not peers:
+            return Visibility(tuple(seen.tolist()), hearers)
+        everybody = [*seen.tolist(), *peers]
+        known = tuple(np.sqrt(distances[everybody]).tolist())
+        return Visibility(tuple(seen.tolist()), tuple(sorted({*hearers, *peers})), peers, known)
 
 
 def sensing_radii(swarm: Swarm) -> Array:
@@ -97,33 +108,34 @@ class Contacts:
         self._broadcasts = [deque([never, never], maxlen=2) for _ in range(agents)]
         """For each agent, (time, number) of its last two broadcasts."""
 
-    def existing(
-        self, i: int, t: float, senders: Sequence[int]
-    ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """First and last number of the broadcasts that exist for agent i before t [s].
+    def existing(self, i: int, t: float, senders: Sequence[int]) -> list[tuple[int, int, int]]:
+        """Return the broadcasts that exist for agent i before t [s]: (sender, first, last number).
 
-        One of each for every sender, -1 where there are none.
+        Senders without one are left out.
         """
         # Not at t: agents that update together do not receive each other's inputs.
-        firsts, since = self._first[i], [-1 for _ in senders]
-        latest = since.copy()
-        for index, j in enumerate(senders):
+        firsts, ranges = self._first[i], list[tuple[int, int, int]]()
+        for j in senders:
             (_, before), (at, newest) = self._broadcasts[j]
             k = newest if at < t else before
             if j in firsts and firsts[j] <= k:
-                since[index], latest[index] = firsts[j], k
-        return tuple(since), tuple(latest)
+                ranges.append((j, firsts[j], k))
+        return ranges
 
     def forget(self, i: int) -> tuple[int, ...]:
         """Drop all that agent i has received, and return its senders."""
         forgotten, self._first[i] = self._first[i], {}
         return tuple(sorted(forgotten))
 
-    def sampled(self, i: int, k: int, t: float, visible: Visibility) -> None:
-        """Record that agent i takes sample k at t [s]: its broadcast k will go to its hearers."""
-        firsts, seen, hearers = self._first, visible.seen, visible.hearers
-        if not firsts[i].keys() <= set(seen):
-            firsts[i] = {j: firsts[i][j] for j in seen if j in firsts[i]}
+    def sampled(self, i: int, k: int, t: float, visible: Visibility, broadcasts: bool) -> None:
+        """Record that agent i takes sample k at t [s].
+
+        broadcasts: whether its broadcast k will go to its hearers.
+        """
+        firsts, hearers = self._first, visible.hearers
+        senders = {*visible.seen, *visible.peers}
+        if not firsts[i].keys() <= senders:
+            firsts[i] = {j: first for j, first in firsts[i].items() if j in senders}
         if hearers != self._heard[i]:
             for l in set(self._heard[i]).difference(hearers):
                 firsts[l].pop(i, None)
@@ -131,4 +143,5 @@ class Contacts:
         for l in hearers:
             if i not in firsts[l]:
                 firsts[l][i] = k
-        self._broadcasts[i].append((t + self._latency, k))
+        if broadcasts:
+            self._broadcasts[i].append((t + self._latency, k))

@@ -66,9 +66,8 @@ def step(**changes: Any) -> StepReport:
 
 
 def a_sample(k: int, x: bytes = bytes(8 * 15)) -> Sample:
-    nothing = (-1,) * AGENTS
     seen = tuple(range(AGENTS))
-    return Sample(k=k, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=())
+    return Sample(k=k, t=0.0, seen=seen, x=x, hearers=())
 
 
 def sealed(body: bytes, key: str = KEY) -> bytes:

@@ -28,8 +28,7 @@ EVERYBODY = tuple(range(AGENTS))
 def a_sample(**changes: Any) -> Sample:
     """The first that agent 1 gets."""
     sample = Sample(
-        k=0, t=0.0, seen=EVERYBODY, x=bytes(8 * 3 * AGENTS), since=(-1,) * AGENTS,
-        latest=(-1,) * AGENTS, hearers=(1, 2),
+        k=0, t=0.0, seen=EVERYBODY, x=bytes(8 * 3 * AGENTS), hearers=(1, 2),
     )  # fmt: skip
     return msgspec.structs.replace(sample, **changes)
 
@@ -135,8 +134,8 @@ def start(agent: Agent) -> Sample:
 def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent) -> None:
     first = start(agent)
     agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, first))
-    since, latest = (-1, 0, 0, -1, -1), (-1, 0, 0, -1, -1)
-    second = msgspec.structs.replace(first, k=1, t=0.01, since=since, latest=latest)
+    heard = {"senders": (1, 2), "since": (0, 0), "latest": (0, 0)}
+    second = msgspec.structs.replace(first, k=1, t=0.01, **heard)
     agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
     agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, second))
     with pending_watchdog(0.01, [agent.answering]):

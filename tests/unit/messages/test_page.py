@@ -36,6 +36,7 @@ OF_FIELD = {
     "received": [[1, 0.25, [1.5, -2.0]]],
     "notes": [["gap", 0.25]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
+    "relays": [[1, 6, 0.25, [1.5], 0.2, [0.0, 1.0], [0.0, 1.0]]],
     "condition": "fine",
     "link_events": [[0, 1, 0.02]],
     "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],

@@ -49,7 +49,14 @@ MESSAGES: list[Message] = [
     ACTUATION,
     Broadcast(k=7, t_apply=0.07, u=(1.5, -0.25)),
     Sample(
-        k=3, t=0.03, seen=(0, 1, 2), x=b"\0" * 24, since=(0, -1, 3), latest=(2, -1, 3), hearers=(1,)
+        k=3,
+        t=0.03,
+        seen=(0, 1, 2),
+        x=b"\0" * 24,
+        senders=(0, 2),
+        since=(0, 3),
+        latest=(2, 3),
+        hearers=(1,),
     ),
     Status(t=1.0, real_time_factor=24.0, steps=100, backups=3, waiting_for=("1", "2")),
     Ended(summary=b"{}"),

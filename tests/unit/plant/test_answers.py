@@ -24,10 +24,7 @@ def answers() -> Answers:
 def sample(k: int) -> Sample:
     """Sample k of Simulation 1, all agents at their start."""
     x = swarm_of_scenario("unicycles").start().astype("<f8").tobytes()
-    nothing = (-1,) * 5
-    return Sample(
-        k=k, t=0.01 * k, seen=tuple(range(5)), x=x, since=nothing, latest=nothing, hearers=()
-    )
+    return Sample(k=k, t=0.01 * k, seen=tuple(range(5)), x=x, hearers=())
 
 
 def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample(answers: Answers):

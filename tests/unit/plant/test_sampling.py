@@ -53,10 +53,10 @@ class Taking:
 def test_a_sample_tells_which_broadcasts_exist_for_it():
     taking = Taking()
     for i in (0, 1, 4):
-        assert taking.take(i, 0.0).latest == (-1,) * 5
+        assert taking.take(i, 0.0).senders == ()
     second = taking.take(0, 0.01)
     assert (second.k, second.hearers) == (1, (1, 2))
-    assert (second.since, second.latest) == ((-1, 0, -1, -1, -1),) * 2
+    assert (second.senders, second.since, second.latest) == ((1,), (0,), (0,))
 
 
 @pytest.mark.parametrize(
