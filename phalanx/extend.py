@@ -47,6 +47,7 @@ from phalanx.theory.laws.law import (
     TeamLaw,
     View,
 )
+from phalanx.theory.laws.give_way import GiveWay
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.integrated import IntegratedMargin
 from phalanx.theory.margins.local import LocalMargin
@@ -130,6 +131,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Track",
     "TrackVelocity",
     "Chase",
+    "GiveWay",
     "Pursue",
     "WorstCase",
     "WorstLookahead",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -15,6 +15,9 @@ from phalanx.theory.laws.law import CheckedInput, Law, View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput
+
+if TYPE_CHECKING:  # only an agent with a radio imports it
+    from phalanx.swarm.radio import RadioFilter
 
 
 class StepResult(Struct, frozen=True):
@@ -73,6 +76,9 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
+        self._radio: RadioFilter | None = None
+        if swarm.peers(i):
+            self._filter = self._radio = part_of_agent("agents.radio")(rows, i)
         if swarm.safety.prove and not swarm.members[i].adversary:
             self._filter = part_of_agent("safety.prove")(rows, i, self._filter)
         self._override: Callable[..., tuple[Decision, dict[str, float]]] | None = None
@@ -84,6 +90,9 @@ class DistributedController:
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
+        radio = self._radio
+        if radio is not None:
+            x, visible = radio.knowledge(x, visible, t, received)
         view = self._view(x, visible, t)
         u_nom = self._nominal(view)
         if self._override is not None:
@@ -91,7 +100,8 @@ class DistributedController:
             return StepResult(decision, u_nom, [], notes)
         now = FilterInput(t + self._latency, x, visible, view.terms, u_nom, received)
         filtered = self._filter(now)
-        return StepResult(filtered.decision, u_nom, filtered.used)
+        reference = radio.reference if radio is not None else None
+        return StepResult(filtered.decision, u_nom, filtered.used, reference=reference)
 
     def _view(self, x: Array, visible: tuple[int, ...], t: float) -> View:
         i, terms = self._i, self._terms(x, visible)

@@ -32,6 +32,7 @@ def proof_gaps(swarm: Swarm) -> list[str]:
         ),
         "with safety.neighbourhood, or sensing, each agent's condition changes as others come and "
         "go: leave it out": swarm.limited,
+        "by radio agents keep their own parts, not the paper's rows": swarm.by_radio,
         "one controller needs agents that sample together: one clock.period, no clock.jitter": (
             safety.centralised and not swarm.synchronous
         ),

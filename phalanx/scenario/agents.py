@@ -102,7 +102,20 @@ class Radio(Strict):
     relays: Annotated[int, Field(ge=0, strict=True)] = 0
     """Most statements of others that a broadcast repeats."""
     gain: Positive | None = None
-    """κ of own parts [1/s]; default: 1.2 broadcasts' periods, at most 1/(e τ)."""
+    """κ of own parts [1/s]; default: 1.2 / broadcast period, and at most 1/(e τ)."""
+    belief: Literal["set", "newest", "carried-on"] = "set"
+    """Where a peer is: anywhere that it can be since its newest broadcast; as that has it, as if it
+    were now; or carried on from there by speed and input. The last two are to compare with."""
+    rows: Literal["own-parts", "halves"] = "own-parts"
+    """Conditions for peers: each agent's own part of a braking distance, or halves of pairs' rows,
+    which need one believed state."""
+
+    @model_validator(mode="after")
+    def _halves_of_points(self) -> Self:
+        if self.rows == "halves" and self.belief == "set":
+            message = "expected 'own-parts' where belief is 'set': halves need one believed state"
+            raise field_error(("rows",), message, self.rows)
+        return self
 
 
 class AgentGroup(Strict):

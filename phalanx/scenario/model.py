@@ -190,6 +190,7 @@ class Scenario(Strict):
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
             self._check_leaders(index, names)
+            self._check_radio(index, group)
             if group.role == "normal" and group.sensing and self.safety.centralised:
                 message = "expected no value: with safety.control = 'centralised' all is seen"
                 raise field_error(("agents", index, "sensing"), message, group.sensing)
@@ -218,6 +219,20 @@ class Scenario(Strict):
         if self.attack is not None:
             self.attack.check(agents, ("attack",))
         return self
+
+    def _check_radio(self, index: int, group: AgentGroup) -> None:
+        safety = self.safety
+        unfit = {
+            "safety.control = 'distributed'": safety.centralised,
+            "safety.composition = 'pairs'": not safety.pairwise,
+            "safety.information = 'split'": not safety.information_model.shares,
+            "safety.prove = false": safety.prove,
+            "safety.watch = false": safety.watch,
+            "no time.latency": self.time.latency > 0.0,
+        }
+        if group.radio is not None and (needed := [name for name, bad in unfit.items() if bad]):
+            message = f"expected none without {', '.join(needed)}"
+            raise field_error(("agents", index, "radio"), message, group.radio)
 
     def _check_robots(self) -> None:
         world = self.fresh_world()

@@ -59,6 +59,7 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
     Law: {
         "track-velocity": "phalanx.theory.laws.tracking:TrackVelocity",
         "track": "phalanx.theory.laws.tracking:Track",
+        "give-way": "phalanx.theory.laws.give_way:GiveWay",
         "pursue": "phalanx.theory.laws.tracking:Pursue",
         "chase": "phalanx.theory.laws.attacks:Chase",
         "worst": "phalanx.theory.laws.attacks:WorstCase",
@@ -85,6 +86,7 @@ PACKAGES: Mapping[type, Mapping[str, str]] = {
 
 BY_OPTION: Mapping[str, str] = {
     "agents.controller": "phalanx.swarm.own_controller:own_controller",
+    "agents.radio": "phalanx.swarm.radio:RadioFilter",
     "agents.controller certified": "phalanx.guarantee.certificates:certified_for",
     "safety.control": "phalanx_agent.centralised:CentralisedController",
     "safety.prove": "phalanx.guarantee.proven_filter:ProvenFilter",

@@ -132,6 +132,11 @@ class Swarm:
             return ()
         return tuple(j for j in self.normal if j != i and self.groups[j].radio is not None)
 
+    @property
+    def by_radio(self) -> bool:
+        """True if some agents know others by radio."""
+        return any(map(self.peers, self.normal))
+
     def sensing(self, i: int) -> float | None:
         """Return agent i's sensing radius [m]; None if it has no limit."""
         sensor = self.groups[i].sensing

@@ -83,7 +83,7 @@ MUTANTS = (
     Mutant("broadcasts of the far future", _STEP, "message.k >= broadcaster.most", "False",
            _TEST_STEP),
     Mutant("a broadcast of another size", _STEP,
-           "len(message.u) != broadcaster.inputs", "False", _TEST_STEP),
+           "not self._well_formed(broadcaster, message)", "False", _TEST_STEP),
     Mutant("a broadcast twice", "phalanx/network/inbox.py",
            "k <= incoming.decided or k in incoming.arrived", "False", _TEST_LINKS),
     Mutant("a delay from t instead of t_apply", "phalanx/network/inbox.py",

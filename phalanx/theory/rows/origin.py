@@ -14,6 +14,8 @@ class Origin(StrEnum):
     """K_i was empty: u_i^min of Eq. (LPnormal)."""
     NO_AUTHORITY = "no-authority"
     """K_i was empty, but the agent cannot move ψ_q: its nominal input, projected onto U_i."""
+    BRAKE = "brake"
+    """By radio: of its own parts only the brake's was small enough, or it holds its place."""
     PROVEN = "proven"
     """With safety.prove: the QP also had whole rows, for pairs certified for too short a time."""
     LONGEST = "longest-certified"
@@ -37,13 +39,15 @@ OF_PROOFS = (Origin.PROVEN, Origin.LONGEST)
 """The origins of inputs that replaced one certified for too short a time."""
 
 
-def origins_of_normal(controllers: bool, proofs: bool = False) -> list[Origin]:
+def origins_of_normal(controllers: bool, proofs: bool = False, radio: bool = False) -> list[Origin]:
     """Return the origins that inputs of normal agents may have.
 
-    controllers: some have a controller of their own. proofs: agents prove their inputs.
+    controllers: some have a controller of their own. proofs: agents prove their inputs. radio: some
+    know others by radio.
     """
     absent = {Origin.ATTACK} if controllers else {Origin.ATTACK, *OF_CONTROLLERS}
     absent |= set() if proofs else set(OF_PROOFS)
+    absent |= set() if radio else {Origin.BRAKE}
     return [origin for origin in Origin if origin not in absent]
 
 

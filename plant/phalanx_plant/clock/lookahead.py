@@ -174,7 +174,7 @@ def look_ahead(world: World) -> Synchronization:
     limited = 2 * np.isfinite(radii).sum() > len(radii)
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
     drawn = isinstance(world.integration, RungeKutta)
-    by_radio = any(map(swarm.peers, swarm.normal))  # distances to all are in every sample
-    if swarm.time.lookahead and drawn and limited and not adverse and not by_radio:
+    unknown = swarm.by_radio or adverse  # by radio the distances to all are in a sample
+    if swarm.time.lookahead and drawn and limited and not unknown:
         return Lookahead(world, radii)
     return Sequential(world)

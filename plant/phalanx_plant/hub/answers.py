@@ -33,7 +33,7 @@ class Answers:
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
         self._latency = swarm.time.latency
-        possible = origins_of_normal(swarm.controllers, swarm.safety.prove)
+        possible = origins_of_normal(swarm.controllers, swarm.safety.prove, swarm.by_radio)
         self._origins = {Origin.ATTACK, *possible}
         self._samples: dict[int, Sample] = {}
         self._inputs: dict[int, Array] = {}

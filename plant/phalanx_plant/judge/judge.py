@@ -99,7 +99,8 @@ class Judge:
         self._steps = 0
         """Inputs applied."""
         self._origins = {
-            str(o): 0 for o in origins_of_normal(swarm.controllers, swarm.safety.prove)
+            str(o): 0
+            for o in origins_of_normal(swarm.controllers, swarm.safety.prove, swarm.by_radio)
         }
         """Steps of normal agents by how their input was made."""
         self._names, self._latency = swarm.names, swarm.time.latency

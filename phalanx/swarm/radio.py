@@ -1,0 +1,176 @@
+"""A normal agent with a radio: what it knows of its peers, and the filter that acts on it.
+
+It knows a peer by its newest statement, which has an age: since then the peer can have gone to any
+state of a set. Two other beliefs, to compare with, take one state for the truth.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Protocol, cast
+
+import numpy as np
+from msgspec.structs import replace
+
+from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.own_parts import OwnParts
+from phalanx.knowledge.sets import HeardState
+from phalanx.network.inbox import AnnouncedInput
+from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import dot
+from phalanx.theory.models.integrators import DoubleIntegrator
+from phalanx.theory.rows.decision import Decision, finite_or_none
+from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.pairs import pair_rows
+from phalanx.theory.rows.qp import TOLERANCE
+from phalanx.theory.rows.safety_filter import Filtered, FilterInput, PairwiseFilter
+from phalanx.theory.safety.composition import FAR
+from phalanx.theory.safety.function import Distance, Separation
+
+_PER_PERIOD = 1.2
+"""κ times the time between two broadcasts, by default: with larger ones agents brake more often."""
+
+
+class StatedState(ReceivedInput, Protocol):
+    """A statement that its sender made by radio."""
+
+    @property
+    def t(self) -> float:
+        """Time of its sample [s]."""
+
+    @property
+    def x(self) -> tuple[float, ...]:
+        """Its state then."""
+
+    @property
+    def z(self) -> tuple[float, ...]:
+        """Its reference then."""
+
+
+class PeerKnowledge:
+    """Agent i's knowledge of its peers, from what they broadcast of themselves."""
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        """Know the starts, as a mission's plan has them. Raises ScenarioError for its dynamics."""
+        radio = swarm.groups[i].radio
+        assert radio is not None
+        self._belief, self._parts = radio.belief, swarm.safe_set.parts
+        self.peers = swarm.peers(i)
+        self.motions = {l: point_motion(swarm, l) for l in (i, *self.peers)}
+        self._periods = {l: swarm.groups[l].clock.period for l in self.peers}
+        start, still = swarm.start(), np.zeros(self.motions[i].axes)
+        states = {l: start[self._parts[l]] for l in self.peers}
+        self._newest = {l: HeardState(0.0, x, x, 0.0, still) for l, x in states.items()}
+        self._begun = False
+        self.heard: Mapping[int, HeardState] = {}
+        """Of each peer the newest state heard; if one is taken for the truth, as if of now."""
+
+    def __call__(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> tuple[Array, tuple[int, ...]]:
+        """Add the states of its peers as it believes them to the stacked x, shape (n̄,), at t [s].
+
+        received: a StatedState of each peer that was heard. Returns x and the agents in it.
+        """
+        if t > 0.0 and not self._begun:
+            self._newest = {}  # it has taken over from an agent that died, and knows nothing
+        self._begun, x = True, x.copy()
+        self._newest |= {l: _heard(s) for l, s in received.items() if l in self._periods}
+        believed = {l: self._believed(l, heard, t) for l, heard in self._newest.items()}
+        for l, state in believed.items():
+            x[self._parts[l]] = state
+        self.heard = self._newest
+        if self._belief != "set":
+            still = np.zeros(self.motions[self.peers[0]].axes)
+            self.heard = {l: HeardState(t, s, s, t, still) for l, s in believed.items()}
+        return x, tuple(sorted((*seen, *believed)))
+
+    def _believed(self, l: int, heard: HeardState, t: float) -> Array:
+        """Return one state of peer l at t [s]; of a set the middle, where it is without input."""
+        x, drag, age = heard.x, np.array([self.motions[l].drag]), max(0.0, t - heard.t)
+        if self._belief == "newest":
+            return x
+        if self._belief == "carried-on":
+            # Its input is in force until its next sample; what follows is not known.
+            sure = min(age, self._periods[l])
+            x, age = moved(x, heard.u, held(drag, np.array([sure]))), age - sure
+        return moved(x, np.zeros(len(heard.u)), held(drag, np.array([age])))
+
+
+def _heard(received: ReceivedInput) -> HeardState:
+    said = cast(StatedState, received)
+    return HeardState(said.t, np.array(said.x), np.array(said.z), said.t_apply, np.array(said.u))
+
+
+def point_motion(swarm: Swarm, i: int) -> PointMotion:
+    """Return what others know of agent i's motion. Raises ScenarioError for other dynamics."""
+    dynamics, group = swarm.members[i].dynamics, swarm.groups[i]
+    if not isinstance(dynamics, DoubleIntegrator):
+        raise ScenarioError(
+            f"{swarm.scenario.name}: agents of {swarm.names[i]}: expected a double-integrator "
+            f"where there is a radio, got {group.dynamics['type']}"
+        )
+    return PointMotion(
+        dynamics.dimension,
+        dynamics.acceleration,
+        dynamics.drag,
+        group.disturbance.bound,
+        longest=swarm.horizon(i),
+        shortest=group.clock.period - group.clock.jitter,
+    )
+
+
+class RadioFilter:
+    """Own parts for peers, or halves of pairs' rows; whole rows for those that the agent sees."""
+
+    def __init__(self, rows: SafetyRows, i: int) -> None:
+        """Raise ScenarioError for dynamics or a safe-set function without a distance to keep."""
+        swarm = rows.swarm
+        radio, function = swarm.groups[i].radio, swarm.safety.safe_set_function
+        assert radio is not None
+        if not isinstance(function, Distance | Separation):
+            raise ScenarioError(
+                f"{swarm.scenario.name}: safety.function: expected 'distance' or 'separation' "
+                "where there is a radio"
+            )
+        self.knowledge = PeerKnowledge(swarm, i)
+        motions, peers = self.knowledge.motions, self.knowledge.peers
+        self._terms, self._own = rows.pair_terms(i), swarm.safe_set.parts[i]
+        self._halves: PairwiseFilter | None = None
+        if radio.rows == "halves":
+            self._halves = PairwiseFilter(i, swarm.information(), rows.qp(i), self._terms)
+        others = {l: motions[l] for l in peers}
+        gain = radio.gain or _gain(swarm, (i, *peers))
+        self._own_parts = OwnParts(motions[i], others, function.radius, gain)
+
+    @property
+    def reference(self) -> Array | None:
+        """The reference state at the last sample, shape (n_i,); None if there is none."""
+        return None if self._halves else self._own_parts.reference
+
+    def __call__(self, now: FilterInput) -> Filtered:
+        """The input to apply."""
+        heard, peers = self.knowledge.heard, self.knowledge.peers
+        if self._halves is not None:
+            present = {l: AnnouncedInput(now.t, tuple(s.u.tolist())) for l, s in heard.items()}
+            halves = self._halves(replace(now, received=present))
+            return replace(halves, used=[l for l in heard if l in now.received])
+        whole = pair_rows(self._terms(now.x, [l for l in now.seen if l not in peers], ()), {})
+        result = self._own_parts(now.t, now.x[self._own], heard, now.u_nom, whole)
+        residual = float((dot(whole.a, result.u) - whole.bound).max(initial=FAR))
+        origin = Origin.BRAKE if result.braked else Origin.QP
+        if residual > TOLERANCE:
+            origin = Origin.BACKUP
+        known = [l for l in heard if l in now.received]
+        return Filtered(Decision(result.u, origin, finite_or_none(residual)), known, whole)
+
+
+def _gain(swarm: Swarm, agents: tuple[int, ...]) -> float:
+    """Return κ [1/s], which is one for all, as broadcasts of an agent and its peers come."""
+    radios = [(swarm.groups[l].radio, swarm.groups[l].clock.period) for l in agents]
+    between = max(radio.every * period for radio, period in radios if radio)
+    return min(_PER_PERIOD / between, 1.0 / (math.e * max(map(swarm.horizon, agents))))

@@ -1,0 +1,163 @@
+"""Peers by radio: they are in no sample, and known by states and relays in broadcasts."""
+
+import msgspec
+import numpy as np
+import pytest
+from phalanx_agent.step import ControlStep
+from phalanx_plant.sampling.sampling import Sampling
+
+from phalanx.launcher.simulation import Simulation
+from phalanx.messages.kinds import Broadcast, Sample
+from phalanx.messages.seal import Malformed
+from phalanx.network.inbox import BroadcastInbox, Statement
+from phalanx.network.link import Link
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.radio import PeerKnowledge
+from tests.unit.network.models import model
+from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
+
+EVERYBODY = tuple(range(8))
+
+
+def belief(name: str) -> tuple[str, ...]:
+    return (f"agents.0.radio.belief={name}", "agents.0.radio.rows=halves")
+
+
+def statement(sender: int, k: int, x: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0)) -> Statement:
+    return Statement(sender=sender, k=k, t_apply=0.1 * k, u=(1.0, -1.0), t=0.1 * k, x=x, z=x)
+
+
+def broadcast(k: int, *relays: Statement, x: tuple[float, ...] = (0.0,) * 4) -> Broadcast:
+    return Broadcast(k=k, t_apply=0.1 * k, u=(0.0, 0.0), t=0.1 * k, x=x, z=x, relays=relays)
+
+
+def sample(k: int, *senders: int) -> Sample:
+    """Agent 1's k-th, at 0.1 k, with the first broadcast of these senders."""
+    x, zeros = np.zeros(4).tobytes(), (0,) * len(senders)
+    return Sample(
+        k=k, t=0.1 * k, seen=(0,), x=x, senders=senders, since=zeros, latest=zeros,
+        hearers=EVERYBODY[1:], distances=(2.0,) * len(senders),
+    )  # fmt: skip
+
+
+def test_an_agent_sees_no_peer_and_all_peers_get_each_tenth_broadcast_at_any_distance():
+    swarm = swarm_of_scenario("radio")
+    sampling, x = Sampling(swarm), 1e4 * swarm.start()
+    p = swarm.positions(x)
+    for k in range(21):
+        (visible,) = sampling.sensing.visible(p, [0])
+        taken, _ = sampling.take(0, 0.035 * k, x, visible)
+        assert taken.seen == (0,)
+        assert taken.hearers == (EVERYBODY[1:] if k % 10 == 0 else ())
+    (visible,) = sampling.sensing.visible(p, [3])
+    taken, _ = sampling.take(3, 1.0, x, visible)
+    assert (taken.senders, taken.since, taken.latest) == ((0,), (0,), (20,))
+    assert taken.distances == (float(np.linalg.norm(p[0] - p[3])),)
+
+
+def test_an_inbox_keeps_the_newest_statement_whoever_brought_it():
+    links = model()
+    inbox = BroadcastInbox((1, 2), lambda j: Link(0, str(j), "me", links), peers={1: 5, 2: 5})
+    inbox.put(1, broadcast(0))
+    inbox.put(2, broadcast(5, statement(1, 5), statement(7, 5)))
+    inbox.put(2, broadcast(10, statement(1, 0)))
+    assert not inbox.lacks({1: (0, 0), 2: (1, 10)}), "only each fifth sample has a broadcast"
+    assert inbox.missing({1: (0, 9)}) == {1: [5]}
+    inbox.advance({1: (0, 0), 2: (1, 10)}, 2.0)
+    assert {l: s.k for l, s in inbox.received.items()} == {1: 5, 2: 10}
+
+
+@pytest.mark.parametrize(("peers", "known"), [({}, {2}), ({1: 1, 2: 1}, {1, 2})])
+def test_what_a_peer_said_is_not_forgotten_when_its_broadcasts_count_no_more(peers, known):
+    inbox = BroadcastInbox((1, 2), lambda j: Link(0, str(j), "me", model()), peers)
+    for sender in (1, 2):
+        inbox.put(sender, broadcast(0))
+    inbox.advance({1: (0, 0), 2: (0, 0)}, 1.0)
+    inbox.advance({2: (0, 0)}, 2.0)
+    assert set(inbox.received) == known
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        broadcast(10, x=(0.0,) * 3),
+        broadcast(10, statement(9, 0)),
+        broadcast(10, statement(2, 0, x=(0.0,) * 6)),
+        broadcast(10, statement(2, 10**6)),
+        broadcast(10, *[statement(2, k) for k in range(8)]),
+    ],
+    ids=["own state", "of nobody", "of another size", "of the future", "too many relays"],
+)
+def test_a_broadcast_that_its_sender_cannot_make_is_refused(spoilt: Broadcast):
+    step = ControlStep(rows_of_scenario("radio"), 0)
+    with pytest.raises(Malformed, match="wrong size"):
+        step.accept_broadcast("2", spoilt)
+    step.accept_broadcast("2", broadcast(10, statement(3, 0)))
+
+
+def test_a_broadcast_carries_the_state_and_what_was_heard_the_newest_first():
+    step = ControlStep(rows_of_scenario("radio", "agents.0.radio.relays=2", "network.loss=0"), 0)
+    first = step(step.accept_sample(sample(0)))
+    assert first.broadcasts[3].x == (0.0,) * 4
+    assert first.broadcasts[3].relays == ()
+    for j, k in (1, 0), (2, 10), (3, 20):
+        step.accept_broadcast(step.swarm.names[j], broadcast(k, x=(float(j),) * 4))
+    heard = msgspec.structs.replace(
+        sample(1, 1, 2, 3), t=30.0, since=(0, 10, 20), latest=(0, 10, 20)
+    )
+    second = step(step.accept_sample(heard))
+    assert [(s.sender, s.k, s.x[0]) for s in second.broadcasts[5].relays] == [
+        (3, 20, 3.0),
+        (2, 10, 2.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "at"),
+    [("newest", (1.0, 2.0)), ("carried-on", (1.0 + 3.0 + 0.035 * 0.5, 2.0 + 4.0 - 0.035 * 0.5))],
+)
+def test_a_belief_is_the_newest_state_or_that_carried_on(name: str, at: tuple[float, float]):
+    knowledge = PeerKnowledge(swarm_of_scenario("radio", *belief(name)), 0)
+    knowledge(np.full(32, np.nan), (0,), 0.0, {})
+    x, known = knowledge(np.full(32, np.nan), (0,), 1.1, {1: statement(1, 1)})
+    assert known == EVERYBODY
+    assert x[4:6] == pytest.approx(at, abs=0.05)
+
+
+def test_the_middle_of_a_set_is_where_a_peer_is_without_input():
+    knowledge = PeerKnowledge(swarm_of_scenario("radio"), 0)
+    x, _ = knowledge(np.full(32, np.nan), (0,), 0.0, {})
+    assert np.array_equal(x[4:], swarm_of_scenario("radio").start()[4:]), "starts are known"
+    x, _ = knowledge(np.full(32, np.nan), (0,), 1.1, {1: statement(1, 1)})
+    assert x[4:8] == pytest.approx((4.0, 6.0, 3.0, 4.0))
+
+
+def test_one_that_takes_over_in_the_middle_of_a_run_knows_nobody_until_it_has_heard_them():
+    knowledge = PeerKnowledge(swarm_of_scenario("radio"), 0)
+    assert knowledge(np.full(32, np.nan), (0,), 3.0, {})[1] == (0,)
+    assert knowledge(np.full(32, np.nan), (0,), 3.1, {4: statement(4, 1)})[1] == (0, 4)
+    assert set(knowledge.heard) == {4}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("safety.composition=lse", "composition = 'pairs'"),
+        ("safety.information=worst-case", "information = 'split'"),
+        ("safety.prove=true", "prove = false"),
+        ("safety.watch=true", "watch = false"),
+        ("time.latency=0.01", "no time.latency"),
+        ("agents.0.role=adversary", "adversaries"),
+        ("agents.0.radio.rows=halves", "one believed state"),
+    ],
+)
+def test_a_radio_that_does_not_fit_is_refused_with_what_would(change: str, words: str):
+    with pytest.raises(ScenarioError, match=words):
+        load("radio", [change])
+
+
+def test_other_dynamics_and_functions_without_a_distance_are_refused():
+    unicycle = 'agents.0.dynamics={type="triple-integrator", jerk=1.0, dimension=2}'
+    with pytest.raises(ScenarioError):
+        Simulation(rows_of_scenario("radio", unicycle))
