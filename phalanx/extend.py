@@ -28,6 +28,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value
 from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
+from phalanx.theory.laws.give_way import GiveWay
 from phalanx.theory.laws.goals import (
     FixedPoint,
     Follow,
@@ -47,7 +48,6 @@ from phalanx.theory.laws.law import (
     TeamLaw,
     View,
 )
-from phalanx.theory.laws.give_way import GiveWay
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.integrated import IntegratedMargin
 from phalanx.theory.margins.local import LocalMargin

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -14,10 +14,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import CheckedInput, Law, View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.theory.rows.safety_filter import FilterInput
-
-if TYPE_CHECKING:  # only an agent with a radio imports it
-    from phalanx.swarm.radio import RadioFilter
+from phalanx.theory.rows.safety_filter import FilterInput, SafetyFilter
 
 
 class StepResult(Struct, frozen=True):
@@ -46,6 +43,22 @@ class StepResult(Struct, frozen=True):
             proven=decision.proven,
             solve_time=solve_time,
         )
+
+
+class RadioFilter(SafetyFilter, Protocol):
+    """The filter of an agent that knows peers by radio."""
+
+    @property
+    def reference(self) -> Array | None:
+        """The reference state at the last sample, shape (n_i,); None if there is none."""
+
+    def with_beliefs(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> tuple[Array, tuple[int, ...]]:
+        """Add the states of its peers as it believes them to the stacked state x at t [s].
+
+        Returns x and the agents in it.
+        """
 
 
 class AgentController(Protocol):
@@ -92,7 +105,7 @@ class DistributedController:
         """Decide, as an AgentController does."""
         radio = self._radio
         if radio is not None:
-            x, visible = radio.knowledge(x, visible, t, received)
+            x, visible = radio.with_beliefs(x, visible, t, received)
         view = self._view(x, visible, t)
         u_nom = self._nominal(view)
         if self._override is not None:

@@ -273,20 +273,20 @@ class ControlStep:
         """Add to broadcasts to peers the agent's state, and the newest that it heard of others."""
         if not broadcasts:
             return broadcasts
-        own = tuple(x[self.swarm.safe_set.parts[self.i]].tolist())
-        reference = own if result.reference is None else tuple(result.reference.tolist())
+        state = tuple(x[self.swarm.safe_set.parts[self.i]].tolist())
+        reference = state if result.reference is None else tuple(result.reference.tolist())
         newest = sorted(self.inbox.received.items(), key=lambda item: (-item[1].t, item[0]))
         relays = tuple([_relayed(l, s) for l, s in newest if l in self._peers][: self._relays])
-        more = {"t": sample.t, "x": own, "z": reference, "relays": relays}
+        more = {"t": sample.t, "x": state, "z": reference, "relays": relays}
         return {l: replace(b, **more) if l in self._peers else b for l, b in broadcasts.items()}
 
     def _decide_fates(self, accepted: Accepted) -> tuple[DeliveryReport, ...]:
         sample, x = accepted.sample, accepted.x
-        known = accepted.distances
+        distances = accepted.distances
         fates = self.inbox.advance(
             self._clock.counted(self.inbox, accepted.existing),
             sample.t,
-            lambda j: known[j] if known else self.swarm.distance(x, self.i, j),
+            lambda j: distances[j] if distances else self.swarm.distance(x, self.i, j),
         )
         for sender, message in self.inbox.corrupt:
             assert isinstance(message, Broadcast)
@@ -326,10 +326,8 @@ def control_steps(
     return [ControlStep(rows, i, part(i), membership) for i in rows.swarm.normal]
 
 
-def _relayed(sender: int, said: SentInput) -> Statement:
-    return Statement(
-        sender=sender, k=said.k, t_apply=said.t_apply, u=said.u, t=said.t, x=said.x, z=said.z
-    )
+def _relayed(sender: int, of: SentInput) -> Statement:
+    return Statement(sender=sender, k=of.k, t_apply=of.t_apply, u=of.u, t=of.t, x=of.x, z=of.z)
 
 
 def _broadcast(k: int, claim: AnnouncedInput) -> Broadcast:

@@ -137,8 +137,8 @@ class RadioFilter:
                 f"{swarm.scenario.name}: safety.function: expected 'distance' or 'separation' "
                 "where there is a radio"
             )
-        self.knowledge = PeerKnowledge(swarm, i)
-        motions, peers = self.knowledge.motions, self.knowledge.peers
+        self.with_beliefs = PeerKnowledge(swarm, i)
+        motions, peers = self.with_beliefs.motions, self.with_beliefs.peers
         self._terms, self._own = rows.pair_terms(i), swarm.safe_set.parts[i]
         self._halves: PairwiseFilter | None = None
         if radio.rows == "halves":
@@ -154,7 +154,7 @@ class RadioFilter:
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-        heard, peers = self.knowledge.heard, self.knowledge.peers
+        heard, peers = self.with_beliefs.heard, self.with_beliefs.peers
         if self._halves is not None:
             present = {l: AnnouncedInput(now.t, tuple(s.u.tolist())) for l, s in heard.items()}
             halves = self._halves(replace(now, received=present))
@@ -165,8 +165,8 @@ class RadioFilter:
         origin = Origin.BRAKE if result.braked else Origin.QP
         if residual > TOLERANCE:
             origin = Origin.BACKUP
-        known = [l for l in heard if l in now.received]
-        return Filtered(Decision(result.u, origin, finite_or_none(residual)), known, whole)
+        used = [l for l in heard if l in now.received]
+        return Filtered(Decision(result.u, origin, finite_or_none(residual)), used, whole)
 
 
 def _gain(swarm: Swarm, agents: tuple[int, ...]) -> float:

@@ -31,7 +31,7 @@ THEORY = rooms(
     "theory.trust"
 )
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
-SWARM = rooms("swarm", SCENARIO)
+SWARM = rooms("swarm knowledge", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
 MESSAGES = rooms("messages", GUARANTEE)
 WIRE = rooms("wire", MESSAGES)
@@ -107,7 +107,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 860,
+    "agent": 940,
     "attacks": 1880,
     "cli": 1640,
     "faults": 1020,
@@ -116,16 +116,16 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 740,
     "launcher": 2240,
     "messages": 980,
-    "network": 1400,
-    "plant": 4980,
+    "network": 1450,
+    "plant": 5010,
     "recording": 2000,
     "report": 2320,
-    "scenario": 1540,
+    "scenario": 1580,
     "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1380,
-    "theory": 9160,
+    "swarm": 1580,
+    "theory": 9240,
     "viewer": 5260,
     "wire": 700,
 }
@@ -311,7 +311,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 14_640), ("phalanx.launcher.simulation", 21_120)]
+    ("program", "most"), [("phalanx_agent.main", 14_860), ("phalanx.launcher.simulation", 21_360)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

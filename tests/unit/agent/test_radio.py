@@ -56,7 +56,7 @@ def test_an_agent_sees_no_peer_and_all_peers_get_each_tenth_broadcast_at_any_dis
     assert taken.distances == (float(np.linalg.norm(p[0] - p[3])),)
 
 
-def test_an_inbox_keeps_the_newest_statement_whoever_brought_it():
+def test_an_inbox_keeps_the_newest_statement_direct_or_relayed():
     links = model()
     inbox = BroadcastInbox((1, 2), lambda j: Link(0, str(j), "me", links), peers={1: 5, 2: 5})
     inbox.put(1, broadcast(0))
@@ -133,7 +133,7 @@ def test_the_middle_of_a_set_is_where_a_peer_is_without_input():
     assert x[4:8] == pytest.approx((4.0, 6.0, 3.0, 4.0))
 
 
-def test_one_that_takes_over_in_the_middle_of_a_run_knows_nobody_until_it_has_heard_them():
+def test_one_that_takes_over_in_the_middle_of_a_run_knows_no_peer_until_it_has_heard_it():
     knowledge = PeerKnowledge(swarm_of_scenario("radio"), 0)
     assert knowledge(np.full(32, np.nan), (0,), 3.0, {})[1] == (0,)
     assert knowledge(np.full(32, np.nan), (0,), 3.1, {4: statement(4, 1)})[1] == (0, 4)
