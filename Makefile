@@ -31,6 +31,7 @@ test: $(READY)
 nightly: $(READY)
 	@echo "Testing what \`make test\` leaves out: 12 to 29 minutes on two cores, or SHARE=I/N of it."
 	$(PYTEST) -n 6 -m nightly $(SHARE:%=--share %) tests packages
+	$(if $(SHARE),,$(MAKE) mutants ROOM=tonight SAMPLE=15)
 
 mutants: $(READY)
 	$(VENV)/bin/python -m tests.hostile.break_room $(ROOM) $(SAMPLE:%=--sample %)

@@ -23,10 +23,11 @@ ROOMS = {
         ("phalanx/theory/margins/*.py",), "tests/unit/theory/margins tests/unit/swarm"
     ),
     "certificate": Room(
-        ("phalanx/guarantee/*.py",), "tests/unit/guarantee tests/unit/plant/test_claims.py"
+        ("phalanx/guarantee/*.py",),
+        "tests/unit/guarantee tests/unit/plant/test_claims.py tests/process/verdicts/test_check.py",
     ),
     "proven-filter": Room(
-        ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee tests/process/verdicts"
+        ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee"
     ),
     "judge": Room((f"{_PLANT}/judge/*.py",), "tests/unit/plant"),
     "certify": Room((f"{_CERTIFY}/phalanx_certify/**/*.py",), f"{_CERTIFY}/tests"),

@@ -117,9 +117,12 @@ def test_the_band_holds_the_whole_distribution(n):
 
 
 def test_equal_values_share_one_step():
-    band = dkw_band([1.0, 0.0, 1.0, 1.0])
+    band, half = dkw_band([1.0, 0.0, 1.0, 1.0]), math.sqrt(math.log(40.0) / 8.0)
     assert list(band.values) == [0.0, 1.0, 1.0, 1.0]
     assert list(band.share) == [0.25, 1.0, 1.0, 1.0]
+    assert list(band.low) == pytest.approx([0.0, *[1.0 - half] * 3])
+    assert list(band.high) == pytest.approx([0.25 + half, 1.0, 1.0, 1.0])
+    assert dkw_band([5.0]).share == 1.0
 
 
 def test_a_band_around_nothing_is_empty():
