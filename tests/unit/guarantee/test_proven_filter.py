@@ -133,7 +133,7 @@ def test_a_pair_is_proven_no_longer_because_another_pair_is_looked_at(later, is_
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_one_who_sees_nobody_proves_pairs_with_the_obstacle_that_is_near(number):
+def test_one_who_sees_no_other_proves_pairs_with_the_obstacle_that_is_near(number):
     swarm = build_swarm(load("guaranteed"))
     rows, obstacle = build_rows(swarm), swarm.safe_set.obstacles[number]
     x = np.full_like(swarm.start(), np.nan)
