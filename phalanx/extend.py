@@ -62,7 +62,7 @@ from phalanx.theory.models.wheeled import (
     Unicycle,
 )
 from phalanx.theory.models.world import World, WorldAgent, WorldStates
-from phalanx.theory.rows.decision import least_violation
+from phalanx.theory.rows.least_violation import least_violation
 from phalanx.theory.rows.pairs import PairTerms
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows

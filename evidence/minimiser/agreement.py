@@ -3,16 +3,13 @@
     python -m evidence.minimiser.agreement [PROGRAMS] [SEED]
 
 Programs have 1 to 8 inputs and 1 to 256 rows: random, degenerate (rows through one point),
-parallel, nearly empty and empty. Compilers: cc, cc -O3 for this processor, the one of
-`pip install ziglang`, and AArch64 under emulation, as far as they are installed.
+parallel, nearly empty and empty. As many in a box under one row, and a tenth as many of the least
+worst violation, are compared with Python and with rationals. Compilers: cc, cc -O3 for this
+processor, the one of `pip install ziglang`, and AArch64 under emulation, as far as they are
+installed.
 """
 
 import ctypes
-import hashlib
-import importlib.util
-import shutil
-import struct
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -24,41 +21,14 @@ import osqp
 from rich.progress import track
 from scipy import sparse
 
+from evidence.minimiser.compilers import COMPILERS, hash_by, library, packed_point
+from evidence.minimiser.small_programs import SmallTrial
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows import nearest_point as module
 from phalanx.theory.rows.nearest_point import NearestPoint
 from tests.unit.theory.rows.test_nearest_point import KINDS, draw_program, exactly_nearest
 
 Program = tuple[list[float], Array, Array, float]
-
-SOURCE = Path(module.__file__).with_suffix(".c")
-OPTIONS = ["-ffp-contract=off", "-O2", "-lm"]
-COMPILERS = {
-    "cc": (["cc"], []),
-    "cc -O3 -march=native": (["cc", "-O3", "-march=native"], []),
-    "ziglang": ([sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"], []),
-    "AArch64": (["aarch64-linux-gnu-gcc", "-static"], ["qemu-aarch64"]),
-}
-MAIN = r"""
-#include <stdio.h>
-#include <stdlib.h>
-int main(void) {
-  int head[2];
-  double limits[6], size;
-  if (fread(limits, 8, 6, stdin) != 6) return 1;
-  while (fread(head, 4, 2, stdin) == 2) {
-    int m = head[0], k = head[1], *rows = malloc((m + 2 * k) * sizeof(int));
-    double *numbers = malloc((2 * m + k) * 8), *G = malloc(m * k * 8), *g = malloc(k * 8);
-    if (fread(numbers, 8, m, stdin) + fread(G, 8, m * k, stdin) + fread(g, 8, k, stdin) +
-        fread(&size, 8, 1, stdin) != (size_t)(m + m * k + k + 1)) return 1;
-    int count = nearest_point(m, k, numbers, G, g, size, -1, limits, rows);
-    fwrite(&count, 4, 1, stdout);
-    if (count >= 0) fwrite(numbers + m, 8, m, stdout), fwrite(rows, 4, count, stdout);
-    free(rows), free(numbers), free(G), free(g);
-  }
-  return 0;
-}
-"""
 
 
 class Trial:
@@ -67,12 +37,10 @@ class Trial:
     def __init__(self, rng: np.random.Generator, folder: Path) -> None:
         self.counts: Counter[str] = Counter()
         self.farthest = {"OSQP": 0.0, "rational numbers": 0.0}
-        self._rng, library = rng, folder / "point.so"
-        subprocess.run(["cc", SOURCE, "-fPIC", "-shared", *OPTIONS, "-o", library], check=True)
-        self._in_c = module._Compiled(ctypes.PyDLL(str(library)))
+        self._rng, self._in_c = rng, module._Compiled(ctypes.PyDLL(str(library(folder))))
 
-    def program(self, number: int) -> Program:
-        """Draw a program and try it in all ways that it is small enough for."""
+    def program(self, number: int) -> bytes:
+        """Draw a program, try it in all ways that it is small enough for, and pack it."""
         kind, rng = KINDS[number % len(KINDS)], self._rng
         m, rows = int(rng.integers(1, 9)), int(rng.choice([1, 2, 4, 8, 16, 64, 256]))
         program: Program = draw_program(kind, m, rows, rng)
@@ -86,7 +54,7 @@ class Trial:
             self._by_osqp(program, answer)
         if kind in ("random", "empty") and m <= 3 and rows <= 4:
             self._by_rational_numbers(program, answer)
-        return program
+        return packed_point(*program)
 
     def _hints(self, program: Program, answer: NearestPoint | None) -> None:
         m, rows = len(program[0]), len(program[2])
@@ -124,41 +92,21 @@ class Trial:
         self.farthest[name] = max(self.farthest[name], distance)
 
 
-def packed(programs: Sequence[Program]) -> bytes:
-    """The programs as the C program reads them."""
-    parts = [module._LIMITS.tobytes()]
-    for n, G, g, size in programs:
-        numbers = np.concatenate([n, G.ravel(), g, [size]])
-        parts += [struct.pack("ii", G.shape[1], len(g)), numbers.tobytes()]
-    return b"".join(parts)
-
-
-def hash_by(compiler: str, data: bytes, folder: Path) -> str:
-    """The hash of all answers of the C program that this compiler makes."""
-    command, emulator = COMPILERS[compiler]
-    if any(shutil.which(program) is None for program in (command[0], *emulator)):
-        return "not installed"
-    if compiler == "ziglang" and importlib.util.find_spec("ziglang") is None:
-        return "not installed"
-    source, target = folder / "main.c", folder / "main"
-    source.write_text(SOURCE.read_text() + MAIN)
-    subprocess.run([*command, source, "-o", target, *OPTIONS], check=True)
-    answers = subprocess.run([*emulator, target], input=data, stdout=subprocess.PIPE, check=True)
-    return hashlib.sha256(answers.stdout).hexdigest()[:16]
-
-
 def main(count: int = 100_000, seed: int = 0) -> None:
     with tempfile.TemporaryDirectory() as name:
-        trial = Trial(np.random.default_rng(seed), Path(name))
+        folder, rng = Path(name), np.random.default_rng(seed)
+        trial, small = Trial(rng, folder), SmallTrial(rng, folder)
         programs = [trial.program(number) for number in track(range(count), "programs")]
+        programs += [small.in_box(number) for number in track(range(count), "in a box")]
+        programs += [small.violation(number) for number in track(range(count // 10), "violations")]
         print(f"{count} programs")
-        for what, number in trial.counts.items():
+        for what, number in {**trial.counts, **small.counts}.items():
             print(f"  {what}: {number}")
-        for what, distance in trial.farthest.items():
+        for what, distance in (trial.farthest | small.farthest).items():
             print(f"  farthest from {what}: {distance:.1e}")
-        data = packed(programs)
+        data = b"".join(programs)
         for compiler in COMPILERS:
-            print(f"  {compiler}: {hash_by(compiler, data, Path(name))}")
+            print(f"  {compiler}: {hash_by(compiler, data, folder)}")
 
 
 if __name__ == "__main__":

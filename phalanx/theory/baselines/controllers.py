@@ -20,7 +20,6 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.models.polytope import Polytope, minimiser
-from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
@@ -81,7 +80,7 @@ class BarrierQP:
         """Return the QP's input; without one, that of the least worst violation."""
         rows = barrier_rows(view)
         u = self._qp.solve(view.u_nom, view.inputs, rows)
-        return least_violation(view.inputs, rows) if u is None else u
+        return self._qp.least_violation(view.inputs, rows) if u is None else u
 
 
 def barrier_rows(view: ControllerView) -> Rows:
@@ -122,7 +121,7 @@ class LyapunovBarrierQP:
         if view.inputs.takes(still) and (both.bound >= 0.0).all():
             return still
         solution = self._qp.solve(np.append(still, 0.0), _with_slack(view.inputs), both)
-        return least_violation(view.inputs, rows) if solution is None else solution[:-1]
+        return self._qp.least_violation(view.inputs, rows) if solution is None else solution[:-1]
 
     def _lyapunov_row(self, view: ControllerView) -> tuple[Array, float]:
         """The row a u - δ <= bound of V."""

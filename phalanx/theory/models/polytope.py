@@ -112,7 +112,15 @@ def _farthest(points: Array, corners: Array) -> float:
 
 
 def vertices(A: Array, b: Array) -> Array:
-    """Vertices of {u : A u <= b}, shape (v, m), in a fixed order.
+    """Vertices of {u : A u <= b}, shape (v, m), in ascending order; as basic_solutions else."""
+    corners: Array = np.unique(basic_solutions(A, b), axis=0)
+    return corners
+
+
+def basic_solutions(A: Array, b: Array) -> Array:
+    """The feasible basic solutions of A u <= b, shape (k, m), in the order of their rows.
+
+    They are its vertices: those where more than m rows meet are there several times.
 
     Args:
         A: shape (r, m). b: shape (r,).
@@ -135,8 +143,8 @@ def vertices(A: Array, b: Array) -> Array:
     inside = (dot(points[:, None], A) <= b + tolerance).all(axis=1)
     if not inside.any():
         raise EmptyPolytopeError(f"no point satisfies all {len(b)} rows of A u <= b")
-    corners: Array = np.unique(points[inside], axis=0)
-    return corners
+    feasible: Array = points[inside]
+    return feasible
 
 
 def _require_bounded(A: Array) -> None:

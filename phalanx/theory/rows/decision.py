@@ -5,7 +5,7 @@ from msgspec import Struct
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST, dot, inner
-from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, minimiser, vertices
+from phalanx.theory.models.polytope import Polytope, minimiser
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows, Terms
@@ -97,7 +97,7 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
     u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
     if u is None:
         require_numbers(rows.a, rows.bound)
-        u = least_violation(polytope, rows)
+        u = qp.least_violation(polytope, rows)
         holds = (dot(rows.a, u) <= rows.bound).all()
         origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP
     return Decision(u, origin, *_nearest_to_binding(rows, u))
@@ -116,33 +116,3 @@ def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | Non
 def finite_or_none(value: float) -> float | None:
     """The value, or None if it is infinite or nearly so."""
     return value if -LARGEST <= value <= LARGEST else None
-
-
-def least_violation(polytope: Polytope, rows: Rows) -> Array:
-    """argmin over U_i of max_r (a_r u - bound_r), shape (m,): Eq. (LPnormal) for several rows.
-
-    A linear program in (u, s) with s the worst violation, solved at its vertices; at those of U_i
-    if float64 finds none. Rows that stay below the least possible s for every u cannot bind, and
-    are left out. If margins are unknown, with a bound of -inf, only those rows count, with a bound
-    of 0.
-
-    >>> from phalanx.theory.models.polytope import polytope
-    >>> U = polytope(np.array([[1.0], [-1.0]]), np.ones(2))
-    >>> least_violation(U, Rows(np.array([[1.0]]), np.array([-3.0])))
-    array([-1.])
-    """
-    unknown = np.isneginf(rows.bound)
-    if unknown.any():
-        rows = Rows(rows.a[unknown], np.zeros(int(unknown.sum())))
-    residuals = dot(rows.a[:, None], polytope.corners) - rows.bound[:, None]
-    binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
-    # The least bound is shifted to zero, which changes s alone: large bounds would cost digits.
-    a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
-    column = (0, 0), (0, 1)
-    A = np.vstack([np.pad(a, column, constant_values=-1.0), np.pad(polytope.A, column)])
-    try:
-        corners = vertices(A, np.concatenate([bound, polytope.b]))
-        best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
-    except EmptyPolytopeError:
-        best = polytope.corners[int(np.argmin(residuals.max(axis=0)))]
-    return best

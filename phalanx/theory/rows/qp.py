@@ -4,14 +4,10 @@
     subject to  A u    <= b                  U_i, the input polytope
                 a_r u  <= bound_r            one row for h_tot, or one for each pair r
 
-In a box with one row only one number is unknown: the row's multiplier λ >= 0. The nearest input is
-u_k(λ) = u_nom_k - λ a_k / (2 w_k), clipped to its bounds. aᵀu(λ) is piecewise linear and falls from
-its value at the clipped nominal input to the least in the box, so λ lies on the piece that crosses
-the bound: no iteration, and nothing that could fail to converge. For all other programs OSQP names
-rows that may be active, and nearest_point computes the answer from them, or without them.
+In a box with one row nearest_in_box knows the answer. For all other programs OSQP names rows that
+may be active, and nearest_point computes the answer from them, or without them.
 """
 
-from collections.abc import Sequence
 from math import inf, sqrt
 from typing import Any, NamedTuple
 
@@ -20,7 +16,9 @@ from numpy.typing import NDArray
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
-from phalanx.theory.models.polytope import Box, Polytope
+from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.rows.least_violation import LeastVertex, least_violation
+from phalanx.theory.rows.nearest_in_box import FARTHEST, NearestInBox
 from phalanx.theory.rows.nearest_point import NearestPointSolver
 from phalanx.theory.rows.osqp_without_scipy import compiled_part, without_scipy
 from phalanx.theory.rows.row import Row, Rows
@@ -90,13 +88,6 @@ def _columns(values: Array, rows: Indices, height: int) -> _Columns:
     return _Columns((height, width), values.size, begins, indices, values.ravel(order="F"))
 
 
-TOLERANCE = 1e-6
-"""Allowed violation of one row in a box, scaled to a unit normal."""
-
-_FARTHEST = 1e6
-"""Nominal inputs are moved to within this many times the size of U_i."""
-
-
 class NearestInput:
     """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound, defined to the bit.
 
@@ -112,7 +103,8 @@ class NearestInput:
     def __init__(self, metric: tuple[float, ...]) -> None:
         """metric: w, one weight for each input."""
         self._metric, self._roots = metric, np.sqrt(np.array(metric))
-        self._exact = NearestPointSolver()
+        self._exact, self._in_box = NearestPointSolver(), NearestInBox(metric)
+        self._least_vertex = LeastVertex()
         self._osqp: dict[int, ActiveRows] = {}
         self._active: dict[int, tuple[int, ...]] = {}
         """The rows that were active last, by the number of rows."""
@@ -131,7 +123,7 @@ class NearestInput:
         if box is None:
             return self._solved(u_nom, polytope, row)
         if isinstance(row, Row):
-            return self._in_box(u_nom, box, row)
+            return self._in_box.solve(u_nom, box, row)
         # The metric is diagonal: without rows the nearest input is u_nom clipped.
         clipped = box.nearest(u_nom)
         if row is None or np.logical_and.reduce(dot(row.a, clipped) <= row.bound):
@@ -139,12 +131,9 @@ class NearestInput:
         u = self._solved(u_nom, polytope, row)
         return None if u is None else box.nearest(u)
 
-    def _in_box(self, u_nom: Array, box: Box, row: Row) -> Array | None:
-        (low, high), a, nominal = box.ends, row.a.tolist(), u_nom.tolist()
-        if max(map(abs, nominal)) > _FARTHEST:
-            nominal = _within_reach(u_nom, box).tolist()
-        u = nearest_in_box(nominal, self._metric, low, high, a, row.bound, TOLERANCE)
-        return None if u is None else np.array(u)
+    def least_violation(self, polytope: Polytope, rows: Rows) -> Array:
+        """The input with the least worst violation, shape (m,), for rows that none keeps."""
+        return least_violation(polytope, rows, self._least_vertex)
 
     def _solved(self, u_nom: Array, polytope: Polytope, row: Row | Rows | None) -> Array | None:
         """Solve for v_k = √w_k u_k, with U_i's rows first, then the others as they are given."""
@@ -160,7 +149,7 @@ class NearestInput:
         if (b[zero] < 0.0).any() or not ((sizes < np.inf) & (g > -INFINITY)).all():
             return None
         n, size = self._roots * u_nom, self._size(polytope)
-        if (farthest := _FARTHEST * max(1.0, size)) < (largest := float(np.abs(n).max())):
+        if (farthest := FARTHEST * max(1.0, size)) < (largest := float(np.abs(n).max())):
             n *= farthest / largest
         v = self._nearest(n, A / scale[:, None], g, size)
         return None if v is None else np.array(v) / self._roots
@@ -183,73 +172,3 @@ class NearestInput:
             farthest = zip(*polytope.box.ends, self._metric, strict=True)
             return sqrt(added(max(a * a, b * b) * w for a, b, w in farthest))
         return float(length(polytope.corners * self._roots).max()) if len(polytope.corners) else inf
-
-
-def _within_reach(u_nom: Array, box: Box) -> Array:
-    """u_nom, or a nearer point on its ray if u_nom is too large for float64's digits.
-
-    The farther out on a ray, the less its nearest input moves.
-    """
-    farthest = _FARTHEST * max(1.0, float(np.abs([box.low, box.high]).max()))
-    nearer: Array = u_nom * min(1.0, farthest / float(np.abs(u_nom).max()))
-    return nearer
-
-
-_Component = tuple[float, float, float, float, float]
-"""u_nom, -du/dλ, least, greatest, a"""
-
-
-def nearest_in_box(
-    u_nom: Sequence[float],
-    weights: Sequence[float],
-    low: Sequence[float],
-    high: Sequence[float],
-    a: Sequence[float],
-    bound: float,
-    tolerance: float,
-) -> list[float] | None:
-    """argmin of Σ w (u - u_nom)² over low <= u <= high and aᵀu <= bound, each of m numbers.
-
-    Lists: for so few numbers they are several times faster than arrays.
-
-    Args:
-        tolerance: allowed excess of the least aᵀu over the bound, per Σ |a|; up to it the input
-            with the least aᵀu is returned, beyond it None.
-    """
-    components = [
-        (nominal, c / (w + w), least, greatest, c)
-        for nominal, w, least, greatest, c in zip(u_nom, weights, low, high, a, strict=True)
-    ]
-    u, value = _at(components, 0.0)
-    if value <= bound:
-        return u
-    # aᵀu(λ) bends where a component reaches one of its bounds.
-    ends = [
-        (nominal - end) / slope
-        for nominal, slope, least, greatest, _ in components
-        if slope != 0.0
-        for end in (least, greatest)
-    ]
-    begin = 0.0
-    for end in sorted(ends):
-        if end <= 0.0:
-            continue
-        u, then = _at(components, end)
-        if then <= bound:
-            return _at(components, begin + (end - begin) * (value - bound) / (value - then))[0]
-        begin, value = end, then
-    return u if value - bound <= tolerance * added(map(abs, a)) else None
-
-
-def _at(components: Sequence[_Component], multiplier: float) -> tuple[list[float], float]:
-    """u(λ) and aᵀu(λ)."""
-    u = [
-        least
-        if (free := nominal - multiplier * slope) < least
-        else (greatest if free > greatest else free)
-        for nominal, slope, least, greatest, _ in components
-    ]
-    value = 0.0
-    for component, (*_, c) in zip(u, components, strict=True):
-        value += c * component
-    return u, value

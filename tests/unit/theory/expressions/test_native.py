@@ -15,7 +15,9 @@ from phalanx.launcher.simulation import compile_scenario
 from phalanx.theory.expressions import native as module
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
 from phalanx.theory.expressions.native import COMPILER, FOLDER, build, missing, native
-from phalanx.theory.rows.nearest_point import NearestPointSolver
+from phalanx.theory.models.polytope import polytope
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Row, Rows
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 
@@ -89,13 +91,22 @@ def test_a_function_of_several_inputs_is_compiled_too(folder):
 
 @pytest.mark.slow
 def test_the_minimiser_is_compiled_too(folder):
-    program = [3.0, 0.5], np.vstack([np.eye(2), -np.eye(2)]), np.ones(4), 2.0
+    square = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
+    row, rows = Row(np.ones(2), -0.5), Rows(np.eye(2), np.zeros(2))
+    lost = Rows(np.eye(2), np.array([-2.0, -1.0]))
     with missing() as sources:
-        answer = NearestPointSolver().solve(*program)
-    assert len(sources) == 1
+        interpreted = NearestInput((1.0, 4.0))
+    assert len(sources) == 3
     build(sources, lambda _: None)
-    assert NearestPointSolver()._compiled is not None
-    assert NearestPointSolver().solve(*program) == answer == ([1.0, 0.5], (0,))
+    compiled = NearestInput((1.0, 4.0))
+    parts = compiled._exact, compiled._in_box, compiled._least_vertex
+    assert all(part._compiled is not None for part in parts)
+    answers = [
+        (qp.solve(np.array([3.0, 0.5]), square, row), qp.solve(np.array([3.0, 0.5]), square, rows))
+        for qp in (interpreted, compiled)
+    ]
+    assert np.array_equal(*answers)
+    assert compiled.least_violation(square, lost).tolist() == [-1.0, -1.0]
 
 
 @pytest.mark.slow

@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import polytope
-from phalanx.theory.rows.decision import decide_pairs, least_violation
+from phalanx.theory.rows.decision import decide_pairs
+from phalanx.theory.rows.least_violation import least_violation
+from phalanx.theory.rows.nearest_in_box import TOLERANCE
 from phalanx.theory.rows.origin import Origin
-from phalanx.theory.rows.qp import TOLERANCE, NearestInput
+from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
 seeds = st.integers(0, 2**32 - 1)

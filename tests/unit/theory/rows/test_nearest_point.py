@@ -1,11 +1,7 @@
 """The nearest point of a polyhedron: one answer to the last bit, whatever hints there are."""
 
-import ctypes
-import shutil
-import subprocess
 from fractions import Fraction
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import osqp
@@ -16,6 +12,7 @@ from scipy import sparse
 
 from phalanx.theory.rows import nearest_point as module
 from phalanx.theory.rows.nearest_point import NearestPoint, nearest_point, strictly_nearest
+from tests.unit.theory.rows.native_pieces import library_of, needs_a_compiler
 
 Program = tuple[list[float], np.ndarray, np.ndarray, float]
 """n, G, g and the size of v, as nearest_point takes them."""
@@ -185,15 +182,10 @@ def test_a_point_of_contact_is_found_and_a_gap_of_more_than_rounding_is_seen():
     assert nearest_point([3.0, 0.5], G, np.array([1.0, -1.0 - 1e-7, 1.0, 1.0]), 2.0) is None
 
 
-SOURCE = Path(module.__file__).with_suffix(".c")
-
-
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
-    options = ["-O2", "-ffp-contract=off", "-fPIC", "-shared", "-lm"]
-    subprocess.run(["cc", str(SOURCE), "-o", str(tmp_path / "point.so"), *options], check=True)
-    in_c = module._Compiled(ctypes.PyDLL(str(tmp_path / "point.so")))
+    in_c = module._Compiled(library_of(module, tmp_path))
     for _ in range(60):
         program = draw_program(kind, int(rng.integers(1, 9)), int(rng.choice([1, 4, 20])), rng)
         answer = nearest_point(*program)
@@ -202,12 +194,7 @@ def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
         assert in_c(n, G, g, size, hint) == strictly_nearest(n, G, g, hint)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@needs_a_compiler
 def test_c_with_other_bits_is_refused(tmp_path):
-    changed = tmp_path / "changed.c"
-    changed.write_text(SOURCE.read_text().replace("round < 2", "round < 1"))
-    subprocess.run(
-        ["cc", "-fPIC", "-shared", str(changed), "-o", str(tmp_path / "p.so"), "-lm"], check=True
-    )
     with pytest.raises(ValueError, match="other bits"):
-        module._Compiled(ctypes.PyDLL(str(tmp_path / "p.so")))
+        module._Compiled(library_of(module, tmp_path, ("round < 2", "round < 1")))

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import ACTUATION, Polytope, extremes, polytope, vertices
+from phalanx.theory.rows.nearest_in_box import TOLERANCE, nearest_in_box
 from phalanx.theory.rows.nearest_point import nearest_point, strictly_nearest
-from phalanx.theory.rows.qp import TOLERANCE, ActiveRows, NearestInput, nearest_in_box
+from phalanx.theory.rows.qp import ActiveRows, NearestInput
 from phalanx.theory.rows.row import Row
 from tests.unit.theory.polytopes import random_polytope
 
