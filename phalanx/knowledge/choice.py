@@ -16,7 +16,6 @@ from phalanx.knowledge.spending import HoldPieces
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytope, vertices
-from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
@@ -101,7 +100,7 @@ class InputChoice:
         A = np.concatenate([self._inputs.A, cuts.a])
         b = np.concatenate([self._inputs.b, cuts.bound])
         try:
-            return least_violation(Polytope(A, b, vertices(A, b), None, 0.0), whole)
+            return self._qp.least_violation(Polytope(A, b, vertices(A, b), None, 0.0), whole)
         except EmptyPolytopeError:
             return None
 

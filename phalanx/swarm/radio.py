@@ -24,9 +24,9 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.rows.decision import Decision, finite_or_none
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.nearest_in_box import TOLERANCE
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import pair_rows
-from phalanx.theory.rows.qp import TOLERANCE
 from phalanx.theory.rows.safety_filter import Filtered, FilterInput, PairwiseFilter
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.function import Distance, Separation
