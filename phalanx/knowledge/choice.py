@@ -14,7 +14,7 @@ from phalanx.knowledge.cones import Cones
 from phalanx.knowledge.motion import PointMotion
 from phalanx.knowledge.spending import HoldPieces
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytope, vertices
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
@@ -65,7 +65,8 @@ class InputChoice:
             limits: of own parts.
             whole: rows that yield.
         """
-        near = np.flatnonzero(limits.most < self._pieces.most(v))
+        possible = self._motion.rate(float(length(v)), self._motion.longest)
+        near = np.flatnonzero(limits.most < possible)
         limits = Limits(limits.cones.of(near), limits.most[near])
         cuts = Rows(np.empty((0, len(wish))), np.empty(0))
         u, binding = self._inside(wish, cuts, whole), -1

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +38,11 @@ class PointMotion:
         return self.acceleration
 
     @property
+    def reserve(self) -> float:
+        """Bound on every component of the input that keeps the state near its reference [m/s²]."""
+        return 0.0
+
+    @property
     def tube(self) -> float:
         """ρ: bound on the distance of the position from its reference [m]."""
         return 0.0
@@ -45,6 +50,12 @@ class PointMotion:
     def stopping(self, speed: float) -> float:
         """L = v²/2A + τ v: the way on which it stops, its next sample being a τ away [m]."""
         return speed * speed / (2.0 * self.authority) + self.longest * speed
+
+    def rate(self, speed: float, time: float) -> float:
+        """Bound on how fast an own part changes a gap within a time from some speed [m/s]."""
+        change = self.authority * sqrt(self.axes) + self.drag * speed
+        speed += change * time
+        return speed + change * (speed / self.authority + self.longest)
 
     def brake(self, v: Array) -> Array:
         """The input that stops after m longest holds, along the velocity; shape (axes,).
@@ -70,6 +81,10 @@ class Motions(NamedTuple):
     """τ, shape (n,)."""
     tube: Array
     """ρ, shape (n,)."""
+    shortest: Array
+    """Shortest time for which an input is held, shape (n,)."""
+    reserve: Array
+    """Of the input for tracking, shape (n, 1)."""
 
     def stopping(self, speed: Array) -> Array:
         """L of each, shape (n,)."""
@@ -83,6 +98,6 @@ class Motions(NamedTuple):
 
 def stacked(motions: Sequence[PointMotion]) -> Motions:
     """Stack the bounds of several agents."""
-    rows = [(m.drag, m.authority, m.longest, m.tube) for m in motions]
-    drag, authority, longest, tube = np.array(rows, dtype=float).reshape(-1, 4).T
-    return Motions(drag[:, None], authority[:, None], longest, tube)
+    rows = [(m.drag, m.authority, m.longest, m.tube, m.shortest, m.reserve) for m in motions]
+    drag, authority, longest, tube, shortest, reserve = np.array(rows).reshape(-1, 6).T
+    return Motions(drag[:, None], authority[:, None], longest, tube, shortest, reserve[:, None])

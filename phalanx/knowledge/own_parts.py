@@ -7,6 +7,7 @@ brake spends nothing, whatever is known; so there always is an input.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from phalanx.knowledge.choice import InputChoice, Limits
 from phalanx.knowledge.cones import Own, cones, everywhere, fixed, joined
 from phalanx.knowledge.motion import Motions, PointMotion, stacked
 from phalanx.knowledge.sets import Boxes, HeardState, PeerSet, enclosures
+from phalanx.knowledge.shares import Hold, Shares, after
 from phalanx.knowledge.spending import HoldPieces
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
@@ -23,6 +25,8 @@ from phalanx.theory.rows.row import Rows
 _E = 2.718281828459046
 """e, rounded upwards."""
 _PIECES = 4
+_CLOSE = 1e-6
+"""Distance of a state from where the last input leads [m, m/s], from which that was not applied."""
 _ROUNDING = 1e-9
 """Taken from every gap [m]."""
 
@@ -48,6 +52,7 @@ class OwnParts:
 
     reference: Array
     """z at the last sample, to be broadcast."""
+    _last: Hold | None
 
     def __init__(
         self,
@@ -76,8 +81,10 @@ class OwnParts:
         self._motion, self._names = motion, sorted(peers)
         self._motions = stacked([peers[l] for l in self._names])
         longest = max([motion.longest, *(m.longest for m in peers.values())])
-        self._share = 0.5 * min(kappa, 1.0 / (_E * longest))
-        self._radius, self._stamp_error = radius, stamp_error
+        self._share, self._radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
+        self._enclose = partial(enclosures, stamp_error=stamp_error, believes=believes)
+        accounts = motion, self._motions, radius, self._share, stamp_error, self._enclose
+        self._shares, self._last = Shares(*accounts), None
         self._pieces = HoldPieces(motion, _PIECES)
         self._choice = InputChoice(motion, self._pieces)
 
@@ -100,13 +107,15 @@ class OwnParts:
             whole: rows a u <= bound on the applied input, which yield.
             static: distance that is left to each convex obstacle, and the unit vector away from it.
         """
-        self.reference = x
+        self._go_on(t, x)
         known = [n for n, l in enumerate(self._names) if l in heard]
         states, motions = [heard[self._names[n]] for n in known], self._motions.of(known)
         boxes = self._sets(t, states, motions)
-        gaps = self._gaps(boxes, motions)
+        shares = self._shares.gaps(t, self.reference, dict(zip(known, states, strict=True)))
+        gaps = np.maximum(self._gaps(boxes, motions), shares) - _ROUNDING
         limits = self._limits(boxes, motions, gaps, static)
         chosen = self._choice.nearest(wish, x[self._motion.axes :], limits, whole)
+        self._last = Hold(t, self.reference, chosen.u, t)
         names = [self._names[n] for n in known]
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
@@ -119,17 +128,28 @@ class OwnParts:
             binding=None if chosen.binding is None else dict(enumerate(names)).get(chosen.binding),
         )
 
+    def _go_on(self, t: float, x: Array) -> None:
+        """Let the last hold end, and find the reference now."""
+        if self._last is not None:
+            z = after(self._last, t, self._motion.drag)
+            if float(length(x - z)) <= _CLOSE * (1.0 + float(length(z))):
+                self._shares.remember(self._last._replace(end=t))
+            else:
+                self._shares.forget()
+        self.reference = x
+
     def _sets(self, t: float, states: Sequence[HeardState], motions: Motions) -> Boxes:
-        z = np.array([state.z for state in states]).reshape(-1, 2 * self._motion.axes)
-        age = np.array([t - state.t for state in states])
-        return enclosures(z, age, motions, self._stamp_error)
+        if states:
+            return self._enclose(states, np.full(len(states), t), motions)
+        nothing = np.empty((0, 2 * self._motion.axes))
+        return Boxes(nothing, nothing)
 
     def _gaps(self, boxes: Boxes, motions: Motions) -> Array:
         """-V of each peer at most, at the reference, shape (n,) [m]."""
         p, v = np.split(self.reference, 2)
         own = self._radius + self._motion.tube + self._motion.stopping(float(length(v)))
         others = motions.tube + motions.stopping(boxes.speed())
-        gaps: Array = boxes.distance(p) - own - others - _ROUNDING
+        gaps: Array = boxes.distance(p) - own - others
         return gaps
 
     def _limits(

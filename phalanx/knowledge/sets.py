@@ -3,6 +3,7 @@
 On each axis the ends of p and of v are reached by one input, so a box of both loses nothing.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -87,17 +88,39 @@ class Boxes(NamedTuple):
         return fast
 
 
-def enclosures(z: Array, age: Array, motions: Motions, stamp_error: float = 0.0) -> Boxes:
-    """Enclose references that were z when a state was stamped.
+def enclosures(
+    states: Sequence[HeardState],
+    times: Array,
+    motions: Motions,
+    stamp_error: float = 0.0,
+    believes: bool = False,
+) -> Boxes:
+    """Enclose the references of peers at some times.
 
     Args:
-        z: shape (n, 2 axes).
-        age: time since, by the stamps, shape (n,) [s].
+        states: as each was heard.
+        times: for each peer, shape (n,) [s].
         motions: of the peers.
         stamp_error: bound on the error of a stamp [s].
+        believes: whether an announced input was applied, for as long as an input is at least held.
     """
-    bound, sure = motions.authority, np.maximum(0.0, age - stamp_error)
-    boxes = Boxes(z, z).after(sure, motions, -bound, bound)
+    z = np.array([state.z for state in states])
+    stamps, boxes, bound = np.array([state.t for state in states]), Boxes(z, z), motions.authority
+    sure = np.maximum(0.0, times - stamps - stamp_error)
+    rest = sure
+    if believes:
+        u = np.array([state.u for state in states])
+        begin = np.array([state.t_apply for state in states]) - stamps
+        begin, end = (_clipped(a, 0.0, sure) for a in (begin, begin + motions.shortest))
+        least, most = (_clipped(u + r, -bound, bound) for r in (-motions.reserve, motions.reserve))
+        boxes = boxes.after(begin, motions, -bound, bound).after(end - begin, motions, least, most)
+        rest = sure - end
+    boxes = boxes.after(rest, motions, -bound, bound)
     if stamp_error > 0.0:
-        boxes = boxes.within(np.maximum(0.0, age) + stamp_error - sure, motions)
+        boxes = boxes.within(np.maximum(0.0, times - stamps) + stamp_error - sure, motions)
     return boxes
+
+
+def _clipped(a: Array, low: Array | float, high: Array) -> Array:
+    within: Array = np.minimum(np.maximum(a, low), high)
+    return within

@@ -9,8 +9,6 @@ On a piece of the hold v·c/A + τ d‖v‖/dk never falls, 1 - βk never rises,
 a cone is convex: each is bounded by its ends.
 """
 
-from math import sqrt
-
 import numpy as np
 
 from phalanx.knowledge.cones import Cones
@@ -54,10 +52,3 @@ class HoldPieces:
         before, after = (cones.closing(ends) for ends in (path[:, None, :-1], path[:, None, 1:]))
         most: Array = np.maximum.reduce(growth[:, None] + np.maximum(before, after), axis=-1)
         return most
-
-    def most(self, v: Array) -> float:
-        """Bound on the own part of every input, towards all [m/s]."""
-        motion = self._motion
-        largest = motion.authority * sqrt(motion.axes) + motion.drag * float(length(v))
-        speed = float(length(v)) + largest * motion.longest
-        return speed * largest / motion.authority + motion.longest * largest + speed

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.motion import PointMotion, stacked
+from phalanx.knowledge.sets import Boxes, HeardState, enclosures
 
 
 def draw_motion(rng: np.random.Generator, disturbance: float = 0.0) -> PointMotion:
@@ -45,3 +46,9 @@ def gap(own: np.ndarray, peer: np.ndarray, a: PointMotion, b: PointMotion, radiu
     apart = np.linalg.norm(own[:axes] - peer[:axes])
     ways = (m.stopping(np.linalg.norm(z[axes:])) for m, z in ((a, own), (b, peer)))
     return apart - radius - a.tube - b.tube - sum(ways)
+
+
+def enclosed(z: np.ndarray, age: float, motion: PointMotion, **options) -> Boxes:
+    """The box of one peer a time after it was at z."""
+    state = HeardState(0.0, z, z, 0.0, np.zeros(motion.axes))
+    return enclosures([state], np.array([age]), stacked([motion]), **options)

@@ -51,7 +51,6 @@ class Crossing:
     """Time of the end: all have arrived, or it is over [s]."""
     braked: float
     """Share of samples."""
-    results: list = field(default_factory=list)
 
 
 def keep_right(speed: float) -> Callable:
@@ -76,13 +75,19 @@ def keep_right(speed: float) -> Callable:
     return law
 
 
+def rush(x, goal, centres):
+    """A law that goes for the nearest peer, at full acceleration."""
+    nearest = min(centres, key=lambda centre: np.hypot(*(centre[:2] - x[:2])), default=goal)
+    return 4.0 * np.sign(nearest[:2] - x[:2])
+
+
 def cross(
     count: int,
     radio: Radio,
     seed: int,
     *,
     motion: PointMotion,
-    speed: float = 3.0,
+    law: Callable | None = None,
     circle: float = 6.0,
     kappa: float = 3.5,
     duration: float = 40.0,
@@ -99,7 +104,7 @@ def cross(
     rng = np.random.default_rng(seed)
     angles = 2 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
     places = circle * np.column_stack([np.cos(angles), np.sin(angles)])
-    law, members = keep_right(speed), []
+    law, members = law or keep_right(3.0), []
     for i, place in enumerate(places):
         others = {l: motion for l in range(count) if l != i}
         parts = OwnParts(motion, others, RADIUS, kappa, **options)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phalanx.knowledge.motion import PointMotion, stacked
-from phalanx.knowledge.sets import Boxes, enclosures
-from tests.unit.knowledge.adverse import draw_inputs, draw_motion, gap, path
+from phalanx.knowledge.sets import Boxes
+from tests.unit.knowledge.adverse import draw_inputs, draw_motion, enclosed, gap, path
 
 AWAY = 1e-9
 
@@ -16,7 +16,7 @@ def test_a_set_contains_the_peer_whatever_its_inputs_were(kind):
     for _ in range(300):
         motion, age = draw_motion(rng), float(rng.uniform(0.0, 2.0))
         z = rng.normal(size=2 * motion.axes)
-        low, high = enclosures(z[None], np.array([age]), stacked([motion]))
+        low, high = enclosed(z, age, motion)
         *_, there = path(z, draw_inputs(kind, 16, motion, rng), age, motion.drag)
         assert (low[0] - AWAY <= there).all()
         assert (there <= high[0] + AWAY).all()
@@ -24,7 +24,7 @@ def test_a_set_contains_the_peer_whatever_its_inputs_were(kind):
 
 def test_one_input_reaches_the_far_end_of_place_and_speed():
     motion, z = PointMotion(2, 3.0, 0.4, 0.0, longest=0.05, shortest=0.03), np.zeros(4)
-    _, high = enclosures(z[None], np.array([1.5]), stacked([motion]))
+    _, high = enclosed(z, 1.5, motion)
     *_, there = path(z, np.full((1, 2), 3.0), 1.5, 0.4)
     np.testing.assert_allclose(high[0], there)
 
@@ -34,7 +34,7 @@ def test_a_set_contains_the_peer_whatever_the_error_of_the_stamp():
     for _ in range(300):
         motion, error = draw_motion(rng), 0.1
         z, age = 3.0 * rng.normal(size=2 * motion.axes), float(rng.uniform(0.0, 1.0))
-        low, high = enclosures(z[None], np.array([age]), stacked([motion]), error)
+        low, high = enclosed(z, age, motion, stamp_error=error)
         true_age = max(0.0, age + float(rng.uniform(-error, error)))
         *_, there = path(z, draw_inputs("bang-bang", 16, motion, rng), true_age, motion.drag)
         assert (low[0] - AWAY <= there).all()
@@ -47,7 +47,7 @@ def test_a_gap_by_a_set_is_never_above_the_true_one():
         motion, age = draw_motion(rng), float(rng.uniform(0.0, 1.0))
         z, own = rng.normal(size=(2, 2 * motion.axes))
         own[: motion.axes] *= 6.0
-        boxes = enclosures(z[None], np.array([age]), stacked([motion]))
+        boxes = enclosed(z, age, motion)
         claim = boxes.distance(own[: motion.axes]) - 1.0
         claim -= motion.stopping(float(np.linalg.norm(own[motion.axes :])))
         claim -= stacked([motion]).stopping(boxes.speed())

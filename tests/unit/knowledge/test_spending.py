@@ -5,9 +5,9 @@ import numpy as np
 from phalanx.knowledge.cones import Own, cones
 from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import stacked
-from phalanx.knowledge.sets import Boxes, enclosures
+from phalanx.knowledge.sets import Boxes
 from phalanx.knowledge.spending import HoldPieces
-from tests.unit.knowledge.adverse import draw_inputs, draw_motion, path
+from tests.unit.knowledge.adverse import draw_inputs, draw_motion, enclosed, path
 
 AWAY = 1e-8
 FINE = 64
@@ -31,7 +31,7 @@ def draw_pair(rng):
     own[:axes] = z[:axes] + rng.normal(size=axes) * rng.choice([1.0, 3.0, 10.0])
     if rng.random() < 0.1:
         own[axes:] = 0.0
-    boxes = enclosures(z[None], np.array([age]), stacked([motion]))
+    boxes = enclosed(z, age, motion)
     *_, peer = path(z, draw_inputs("bang-bang", 8, motion, rng), age, motion.drag)
     return motion, own, boxes, peer
 
@@ -92,11 +92,11 @@ def test_the_brake_spends_nothing_in_any_direction_and_needs_no_more_than_the_au
 
 def test_the_brake_ends_at_rest_within_the_stopping_distance():
     rng = np.random.default_rng(4)
-    for _ in range(100):
+    for _ in range(10):
         motion = draw_motion(rng)
         x = np.concatenate([np.zeros(motion.axes), 4.0 * rng.normal(size=motion.axes)])
         allowed = motion.stopping(float(np.linalg.norm(x[motion.axes :])))
-        for _ in range(400):
+        for _ in range(500):
             time = float(rng.uniform(motion.shortest, motion.longest))
             u = motion.brake(x[motion.axes :])
             x = moved(x, u, held(np.array([motion.drag]), np.array([time])))

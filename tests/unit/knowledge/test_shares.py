@@ -1,0 +1,98 @@
+"""Shares: gaps to peers that keep their half, above those by sets and never above the truth."""
+
+import numpy as np
+import pytest
+
+from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.own_parts import OwnParts
+from phalanx.knowledge.sets import HeardState
+from tests.unit.knowledge.adverse import enclosed, gap
+from tests.unit.knowledge.swarms import RADIUS, Radio, cross, keep_right, rush
+
+PLANE = PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02)
+DRAG = PointMotion(2, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
+AWAY = np.array([50.0, 0.0, 0.0, 0.0])
+
+
+def heard(x, t, t_apply=None) -> HeardState:
+    x = np.array(x, dtype=float)
+    return HeardState(t, x, x, t if t_apply is None else t_apply, np.zeros(2))
+
+
+def gap_by_set(own, peer_set, motion) -> float:
+    p, v, (low, high, _) = own[:2], own[2:], peer_set
+    apart = np.hypot(*np.maximum(0.0, np.maximum(low[:2] - p, p - high[:2])))
+    speed = np.hypot(*np.maximum(-low[2:], high[2:]))
+    return apart - RADIUS - motion.stopping(np.hypot(*v)) - motion.stopping(speed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [PLANE, DRAG], ids=["no drag", "drag"])
+@pytest.mark.parametrize("law", [keep_right(3.0), rush], ids=["keep right", "rush"])
+def test_a_share_is_never_above_the_true_gap_however_hard_agents_press(law, motion):
+    above, larger = [], 0
+
+    def compare(t, i, members, result):
+        nonlocal larger
+        for l, claim in result.gaps.items():
+            above.append(claim - gap(members[i].x, members[l].x, motion, motion, RADIUS))
+            larger += claim > gap_by_set(members[i].x, result.sets[l], motion) + 1e-6
+
+    radio = Radio(0.5, every=4, relays=True)
+    end = cross(4, radio, 3, motion=motion, law=law, circle=3.5, duration=3.0, observe=compare)
+    assert end.least > 0.0
+    assert max(above) <= 0.0
+    assert max(above) > -0.05, "some claims are near the truth"
+    assert larger > 0.4 * len(above)
+
+
+def gap_at(state: HeardState, samples: int) -> tuple[float, float]:
+    """The gap claimed at the last of an agent's samples, each 40 ms, and that by the set.
+
+    The agent rests at the origin; before the state is heard, its peer was far away.
+    """
+    parts, t = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5), 0.0
+    for sample in range(samples):
+        t = 0.04 * sample
+        known = heard(AWAY, -1.0) if t < state.t else state
+        claim = parts(t, np.zeros(4), {1: known}, np.zeros(2)).gaps[1]
+    box = enclosed(state.z, t - state.t, PLANE)
+    return claim, gap_by_set(np.zeros(4), (box.low[0], box.high[0], 0.0), PLANE)
+
+
+def test_of_a_gap_between_agents_at_rest_a_share_by_age_is_left():
+    claim, by_set = gap_at(heard([3.0, 0.0, 0.0, 0.0], 0.3), samples=24)
+    half = 0.5 * 3.5
+    assert claim == pytest.approx(2.0 * (1.0 - half * 0.05) ** 12 * (1.0 - half * 0.02), abs=1e-6)
+    assert by_set < 0.0
+
+
+@pytest.mark.parametrize(
+    "state",
+    [heard([3.0, 0.0, 0.0, 0.0], 0.3, t_apply=0.31), heard([3.0, 0.0, 0.0, 1.0], 0.0)],
+    ids=["its input applies later", "it started in motion"],
+)
+def test_a_peer_that_may_act_on_an_older_gap_has_no_share(state):
+    claim, by_set = gap_at(state, samples=20)
+    assert claim == pytest.approx(by_set, abs=1e-6)
+
+
+def test_after_a_restart_there_is_no_share_of_what_was_heard_before():
+    state = heard([3.0, 0.0, 0.0, 0.0], 0.3)
+    parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
+    for t in (0.56, 0.6):
+        claim = parts(t, np.zeros(4), {1: state}, np.zeros(2)).gaps[1]
+        box = enclosed(state.z, t - 0.3, PLANE)
+        by_set = gap_by_set(np.zeros(4), (box.low[0], box.high[0], 0.0), PLANE)
+        assert claim == pytest.approx(by_set, abs=1e-6)
+
+
+def test_an_agent_that_is_not_where_its_input_leads_has_no_share():
+    state = heard([3.0, 0.0, 0.0, 0.0], 0.3)
+    parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
+    for t in np.arange(0.2, 0.6, 0.04):
+        x = np.array([0.01 * (t > 0.5), 0.0, 0.0, 0.0])
+        claim = parts(t, x, {1: state}, np.zeros(2)).gaps[1]
+    box = enclosed(state.z, t - 0.3, PLANE)
+    by_set = gap_by_set(x, (box.low[0], box.high[0], 0.0), PLANE)
+    assert claim == pytest.approx(by_set, abs=1e-6)
