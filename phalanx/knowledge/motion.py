@@ -8,13 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.knowledge.held import held
+from phalanx.knowledge.tracking import Tracking, tracking
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 
 
 @dataclass(frozen=True)
 class PointMotion:
-    """p' = v, v' = u - β v with |u_k| <= acceleration, sampled; in the plane or in space.
+    """p' = v + φ_p, v' = u - β v + φ_v with |u_k| <= acceleration and ‖φ‖ <= disturbance, sampled.
+
+    In the plane or in space. Errors are those with which the agent measures its own state.
 
     >>> PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02).stopping(2.0)
     0.6
@@ -31,21 +34,32 @@ class PointMotion:
     """τ: longest time from a sample to the end of its input [s]."""
     shortest: float
     """Shortest time for which an input is held [s]."""
+    position_error: float = 0.0
+    """Bound [m]."""
+    speed_error: float = 0.0
+    """Bound [m/s]."""
+
+    @property
+    def tracking(self) -> Tracking:
+        """Gains K, and the tube around a reference. Raises ValueError if φ is too large."""
+        clock = self.longest, self.shortest
+        errors = self.position_error, self.speed_error
+        return tracking(self.drag, self.disturbance, *clock, self.acceleration, *errors)
 
     @property
     def authority(self) -> float:
-        """A: what the reference may use of the acceleration [m/s²]."""
-        return self.acceleration
+        """A: all of the acceleration that tracking leaves to the reference [m/s²]."""
+        return self.acceleration - self.reserve
 
     @property
     def reserve(self) -> float:
-        """Bound on every component of the input that keeps the state near its reference [m/s²]."""
-        return 0.0
+        """Bound on every component of the input that tracking takes [m/s²]."""
+        return self.tracking.reserve
 
     @property
     def tube(self) -> float:
         """ρ: bound on the distance of the position from its reference [m]."""
-        return 0.0
+        return self.tracking.tube
 
     def stopping(self, speed: float) -> float:
         """L = v²/2A + τ v: the way on which it stops, its next sample being a τ away [m]."""

@@ -7,6 +7,7 @@ brake spends nothing, whatever is known; so there always is an input.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,14 +20,14 @@ from phalanx.knowledge.sets import Boxes, HeardState, PeerSet, enclosures
 from phalanx.knowledge.shares import Hold, Shares, after
 from phalanx.knowledge.spending import HoldPieces
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.exact import length
+from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.rows.row import Rows
 
 _E = 2.718281828459046
 """e, rounded upwards."""
 _PIECES = 4
 _CLOSE = 1e-6
-"""Distance of a state from where the last input leads [m, m/s], from which that was not applied."""
+"""Allowed for rounding and integration of a state, relative to its size."""
 _ROUNDING = 1e-9
 """Taken from every gap [m]."""
 
@@ -65,6 +66,7 @@ class OwnParts:
         stamp_error: float = 0.0,
         position_error: float = 0.0,
         speed_error: float = 0.0,
+        start: Array | None = None,
     ) -> None:
         """Prepare an agent's choice.
 
@@ -77,14 +79,19 @@ class OwnParts:
             stamp_error: bound on the error of a time stamp [s].
             position_error: bound on the error of a measured own position [m].
             speed_error: likewise [m/s].
+            start: the reference at time 0, if peers know it; with no input it goes on from there.
         """
-        self._motion, self._names = motion, sorted(peers)
+        unsure = partial(replace, position_error=position_error, speed_error=speed_error)
+        motion = self._motion = unsure(motion)
+        peers, self._names = {l: unsure(m) for l, m in peers.items()}, sorted(peers)
         self._motions = stacked([peers[l] for l in self._names])
         longest = max([motion.longest, *(m.longest for m in peers.values())])
         self._share, self._radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
         self._enclose = partial(enclosures, stamp_error=stamp_error, believes=believes)
         accounts = motion, self._motions, radius, self._share, stamp_error, self._enclose
         self._shares, self._last = Shares(*accounts), None
+        if start is not None:
+            self._last = Hold(0.0, start, np.zeros(motion.axes), 0.0)
         self._pieces = HoldPieces(motion, _PIECES)
         self._choice = InputChoice(motion, self._pieces)
 
@@ -105,22 +112,27 @@ class OwnParts:
             heard: the newest state heard of each peer; known starts count as heard at 0.
             wish: the nominal input, shape (axes,).
             whole: rows a u <= bound on the applied input, which yield.
-            static: distance that is left to each convex obstacle, and the unit vector away from it.
+            static: distance of x to each convex obstacle, and the unit vector away from it.
         """
-        self._go_on(t, x)
+        z = self.reference = self._reference(t, x)
+        pull = self._motion.tracking.pull(x - z)
         known = [n for n, l in enumerate(self._names) if l in heard]
         states, motions = [heard[self._names[n]] for n in known], self._motions.of(known)
         boxes = self._sets(t, states, motions)
-        shares = self._shares.gaps(t, self.reference, dict(zip(known, states, strict=True)))
+        shares = self._shares.gaps(t, z, dict(zip(known, states, strict=True)))
         gaps = np.maximum(self._gaps(boxes, motions), shares) - _ROUNDING
+        # An obstacle is beyond a plane, and z may be nearer to that than x.
+        behind = (z - x)[: self._motion.axes]
+        static = [(distance + float(dot(n, behind)), n) for distance, n in static]
         limits = self._limits(boxes, motions, gaps, static)
-        chosen = self._choice.nearest(wish, x[self._motion.axes :], limits, whole)
-        self._last = Hold(t, self.reference, chosen.u, t)
+        shifted = None if whole is None else Rows(whole.a, whole.bound - dot(whole.a, pull))
+        chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted)
+        self._last = Hold(t, z, chosen.u, t)
         names = [self._names[n] for n in known]
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
         return OwnPartsInput(
-            u=chosen.u,
+            u=_clipped(chosen.u + pull, self._motion.acceleration),
             braked=chosen.braked,
             stands=len(known) < len(self._names),
             gaps=dict(zip(names, gaps.tolist(), strict=True)),
@@ -128,15 +140,16 @@ class OwnParts:
             binding=None if chosen.binding is None else dict(enumerate(names)).get(chosen.binding),
         )
 
-    def _go_on(self, t: float, x: Array) -> None:
-        """Let the last hold end, and find the reference now."""
-        if self._last is not None:
-            z = after(self._last, t, self._motion.drag)
-            if float(length(x - z)) <= _CLOSE * (1.0 + float(length(z))):
-                self._shares.remember(self._last._replace(end=t))
-            else:
-                self._shares.forget()
-        self.reference = x
+    def _reference(self, t: float, x: Array) -> Array:
+        """z at a sample: on from where it was; from x if that is out of the tube, or if it is 0."""
+        if self._last is None:
+            return x
+        tracking, z = self._motion.tracking, after(self._last, t, self._motion.drag)
+        if tracking.size(x - z) > tracking.radius + _CLOSE * (1.0 + float(length(z))):
+            self._shares.forget()
+            return x
+        self._shares.remember(self._last._replace(end=t))
+        return z if tracking.tube > 0.0 else x
 
     def _sets(self, t: float, states: Sequence[HeardState], motions: Motions) -> Boxes:
         if states:
@@ -170,3 +183,8 @@ class OwnParts:
         ]
         most = [self._share * gaps, clear / motion.longest, np.zeros(unheard)]
         return Limits(joined(around), np.maximum(0.0, np.concatenate(most)))
+
+
+def _clipped(u: Array, bound: float) -> Array:
+    within: Array = np.minimum(np.maximum(u, -bound), bound)
+    return within

@@ -113,7 +113,7 @@ BUDGET: Mapping[str, int] = {
     "faults": 1020,
     "guarantee": 2340,
     "hosts": 340,
-    "knowledge": 1020,
+    "knowledge": 1260,
     "launcher": 2240,
     "messages": 980,
     "network": 1450,

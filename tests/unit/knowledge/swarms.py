@@ -92,6 +92,7 @@ def cross(
     kappa: float = 3.5,
     duration: float = 40.0,
     push: Callable | None = None,
+    measure: Callable | None = None,
     observe: Callable | None = None,
     **options,
 ) -> Crossing:
@@ -99,6 +100,7 @@ def cross(
 
     Args:
         push: (member's state, number, time) -> φ of the rates, shape (4,), for one step.
+        measure: what an agent takes its true state for.
         observe: called at each sample with (time, number, members, input).
     """
     rng = np.random.default_rng(seed)
@@ -107,8 +109,8 @@ def cross(
     law, members = law or keep_right(3.0), []
     for i, place in enumerate(places):
         others = {l: motion for l in range(count) if l != i}
-        parts = OwnParts(motion, others, RADIUS, kappa, **options)
         x = np.concatenate([place, np.zeros(2)])
+        parts = OwnParts(motion, others, RADIUS, kappa, start=x, **options)
         first = float(rng.uniform(0.0, motion.longest))
         members.append(Member(x, -place, parts, motion, np.zeros(2), first))
     starts = [HeardState(0.0, m.x, m.x, 0.0, np.zeros(2)) for m in members]
@@ -141,13 +143,14 @@ def cross(
         for state in member.heard.values():
             age = np.array([t - state.t])
             centres.append(moved(state.x, np.zeros(2), held(np.array([motion.drag]), age)))
-        wish = law(member.x, member.goal, centres)
-        result = member.parts(t, member.x, member.heard, wish)
+        x = member.x if measure is None else measure(member.x)
+        wish = law(x, member.goal, centres)
+        result = member.parts(t, x, member.heard, wish)
         member.u = result.u
         if observe is not None:
             observe(t, due, members, result)
         brakes, samples = brakes + result.braked, samples + 1
-        own = HeardState(t, member.x.copy(), member.parts.reference, t, result.u)
+        own = HeardState(t, x.copy(), member.parts.reference, t, result.u)
         if member.samples % radio.every == 0:
             said = {**member.heard, due: own} if radio.relays else {due: own}
             cut = radio.partition[0] <= t < radio.partition[1]

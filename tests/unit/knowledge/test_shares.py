@@ -27,8 +27,14 @@ def gap_by_set(own, peer_set, motion) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", [PLANE, DRAG], ids=["no drag", "drag"])
-@pytest.mark.parametrize("law", [keep_right(3.0), rush], ids=["keep right", "rush"])
+@pytest.mark.parametrize(
+    ("law", "motion"),
+    [
+        pytest.param(rush, DRAG, id="rush, drag"),
+        pytest.param(rush, PLANE, id="rush", marks=pytest.mark.nightly),
+        pytest.param(keep_right(3.0), PLANE, id="keep right", marks=pytest.mark.nightly),
+    ],
+)
 def test_a_share_is_never_above_the_true_gap_however_hard_agents_press(law, motion):
     above, larger = [], 0
 
