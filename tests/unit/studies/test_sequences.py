@@ -131,8 +131,10 @@ def test_betting_narrows_as_values_come():
     assert widths[-1] < 0.05
 
 
-def test_betting_on_nothing_knows_nothing():
+def test_betting_on_nothing_knows_nothing_and_one_value_is_worth_half_its_odds():
+    """Half the capital is bet on average: it is 40 after a 1 if 1 + (1/m - 1) / 2 = 40."""
     assert betting([]) == (0.0, 1.0)
+    assert betting([1.0]) == pytest.approx((1.0 / 79.0, 1.0))
 
 
 @pytest.mark.parametrize("values", [[0.5, 1.5], [-0.1], [float("nan")]])
