@@ -34,25 +34,26 @@ def controllers(information: str) -> tuple[DistributedController, DistributedCon
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("information", "l"), [("split", 1), ("unknown", 3)])
-def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information, l):
-    """Agent 2 keeps the other half of the pair's row, agent 4 is an adversary."""
+@pytest.mark.parametrize(("information", "near"), [("split", [1]), ("unknown", [3, 4])])
+def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information, near):
+    """Agent 2 keeps the other half of the pair's row, agents 4 and 5 are adversaries."""
     plain, proving = controllers(information)
     swarm = build_swarm(load("unicycles", {**PAIRS, "safety.information": information}))
     agent, start = SwarmCertificates(swarm).of(0), swarm.start()
     draws, visible = Draws(5, "crowded", width=5), tuple(range(5))
     origins: Counter[Origin] = Counter()
-    own, other = (swarm.safe_set.parts[member] for member in (0, l))
+    begins = [part.start for part in swarm.safe_set.parts]
     corners = build_rows(swarm).terms(0)(start, visible).polytopes[0].corners
     for k in range(200):
         # They are close, on any side of each other: most are nearly unsafe, but not yet.
         x, (far, angle, *turned, _) = start.copy(), draws[k].tolist()
-        x[own.start + 2], x[other.start + 2] = 6.3 * np.array(turned)
-        distance = 0.99 + 0.1 * far
+        x[begins[0] + 2] = 6.3 * turned[0]
+        distance = (0.99 + 0.1 * far) * np.array([np.cos(6.3 * angle), np.sin(6.3 * angle)])
         # Positions are those of output points, 0.25 m ahead of the states.
-        ahead = 0.25 * np.array([f(6.3 * t) for f in (np.cos, np.sin) for t in turned])
-        x[other.start] = x[own.start] + ahead[0] - ahead[1] + distance * np.cos(6.3 * angle)
-        x[other.start + 1] = x[own.start + 1] + ahead[2] - ahead[3] + distance * np.sin(6.3 * angle)
+        mine, its = (0.25 * np.array([np.cos(6.3 * t), np.sin(6.3 * t)]) for t in turned)
+        for l, side in zip(near, (1.0, -1.0), strict=False):
+            position = x[begins[0] : begins[0] + 2] + mine - its + side * distance
+            x[begins[l] : begins[l] + 3] = *position, 6.3 * turned[1]
         first, second = (c(x, visible, float(k), {}).decision for c in (plain, proving))
         before, after = (float(agent(x, d.u).min()) for d in (first, second))
         assert second.proven == after
