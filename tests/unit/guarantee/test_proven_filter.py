@@ -16,6 +16,7 @@ from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput
 
@@ -24,21 +25,28 @@ PAIRS = {"safety.composition": "pairs", "safety.eta": 0.0}
 HIJACK = [{"kind": "hijack", "at": 6.0, "agents": ["2"]}]
 
 
-def controllers(information: str) -> tuple[DistributedController, DistributedController]:
+class Forwards(Unicycle):
+    """It cannot go backwards: the middle of its inputs is not nought."""
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        A, b = super().input_polytope(x)
+        return ca.vertcat(A, ca.SX([[-1.0, 0.0]])), ca.vertcat(b, 0.0)
+
+
+def controllers(changes: dict[str, object]) -> list[DistributedController]:
     """Agent 1 of Simulation 1, without and with proofs."""
-    both = []
-    for prove in (False, True):
-        changes = {**PAIRS, "safety.information": information, "safety.prove": prove}
-        both.append(DistributedController(build_rows(build_swarm(load("unicycles", changes))), 0))
-    return both[0], both[1]
+    both = (load("unicycles", {**changes, "safety.prove": prove}) for prove in (False, True))
+    return [DistributedController(build_rows(build_swarm(each)), 0) for each in both]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("information", "near"), [("split", [1]), ("unknown", [3, 4])])
 def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information, near):
     """Agent 2 keeps the other half of the pair's row, agents 4 and 5 are adversaries."""
-    plain, proving = controllers(information)
-    swarm = build_swarm(load("unicycles", {**PAIRS, "safety.information": information}))
+    own = {"type": f"{__name__}:Forwards", "speed": 4.0, "turn_rate": 2.0, "offset": 0.25}
+    changes = {**PAIRS, "safety.information": information, "agents.0.dynamics": own}
+    plain, proving = controllers(changes)
+    swarm = build_swarm(load("unicycles", changes))
     agent, start = SwarmCertificates(swarm).of(0), swarm.start()
     draws, visible = Draws(5, "crowded", width=5), tuple(range(5))
     origins: Counter[Origin] = Counter()
