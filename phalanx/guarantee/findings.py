@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from phalanx.faults.lies import LieFault
+from phalanx.faults.links import HoldFault, LinkFault, Partition
 from phalanx.faults.process import AttackFault, HijackFault
 from phalanx.guarantee.check_report import CheckReport, Finding, Requirement
 from phalanx.guarantee.proof_gaps import alpha_advice
@@ -194,6 +195,13 @@ def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     holds = unlimited or not delays
     row = Requirement("delay of broadcasts", ", ".join(delays) or "none", allowed, "", holds)
     words = [model.advice] if model.advice and len(swarm.normal) > 1 else []
+    if not (swarm.by_radio or model.counts_on_received) and _lossy(swarm):
+        silent = ", but where an agent is not heard for safety.silence" if model.shares else ""
+        words.append(
+            f"Loss and delay of broadcasts change nothing here{silent}: agents see the states of "
+            f"others, and use no input that they receive ({model.label}). With agents.radio they "
+            "know one another by messages alone."
+        )
     if turned := _trusted_attackers(swarm):
         words.append(
             f"Declared faults make adversaries of {', '.join(turned)}, and rows count on what "
@@ -208,6 +216,15 @@ def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
             "'unknown', where rows hold even if others violate theirs."
         )
     return Finding(row, words)
+
+
+def _lossy(swarm: Swarm) -> bool:
+    """Return whether the scenario declares anything that delays or loses broadcasts."""
+    scenario = swarm.scenario
+    rules = any(True for _ in scenario.network.fields()) or bool(scenario.network.links)
+    return rules or any(
+        isinstance(fault, LinkFault | HoldFault | Partition) for fault in scenario.faults
+    )
 
 
 def _believed_liars(swarm: Swarm) -> list[str]:

@@ -138,6 +138,19 @@ class Run:
         return of(self)
 
     @cached_property
+    def network_effect(self) -> "pl.DataFrame":
+        """How far each input is from that of an agent which knows the truth: agent, t, effect.
+
+        The effect is a share of the inputs' largest distance. The run is repeated for it, without
+        commands. Raises ValueError where one controller decides for all.
+        """
+        import polars as pl
+
+        from phalanx.launcher.network_effect import network_effect
+
+        return pl.DataFrame(network_effect(self.scenario), orient="row")
+
+    @cached_property
     def profile(self) -> "pl.DataFrame":
         """Shares of every program's wall time, if the run was made with profile=True; else empty.
 

@@ -83,7 +83,7 @@ class Simulation:
                 writer = RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name)
                 sink = self._recording = opened.enter_context(writer)
             self.queue = CommandQueue(options.commands, rows.swarm.names)
-            agents = DirectAgents(rows, options.progress)
+            agents = self.agents = DirectAgents(rows, options.progress)
             self.plant = PlantRun(rows, agents, sink, self.queue, self._make_clock)
             self._instants = self._watched_instants()
             self._opened = opened.pop_all()
@@ -208,12 +208,16 @@ class DirectAgents(NoProcesses):
         for hearer, broadcast in answer.broadcasts.items():
             self.steps[hearer].inbox.put(i, broadcast)
 
+    def decided(self, i: int) -> Array:
+        """Return agent i's input for its last sample, shape (m_i,), which is still to be taken."""
+        return self._inputs[i]
+
     def await_input(self, i: int) -> Array:
-        """Return agent i's input for its last sample, shape (m_i,)."""
+        """Return the same, and take it."""
         return self._inputs.pop(i)
 
     def take_input(self, i: int) -> Array | None:
-        """Return the same, or None if it was taken."""
+        """Take the same; None if it was taken."""
         return self._inputs.pop(i, None)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:

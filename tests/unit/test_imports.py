@@ -111,7 +111,7 @@ BUDGET: Mapping[str, int] = {
     "attacks": 1880,
     "cli": 1640,
     "faults": 1020,
-    "guarantee": 2340,
+    "guarantee": 2360,
     "hosts": 340,
     "knowledge": 1260,
     "launcher": 2240,

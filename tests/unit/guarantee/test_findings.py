@@ -58,3 +58,19 @@ def test_the_table_asks_for_the_setting_that_the_sentence_asks_for(report, setti
     assert rows["margin η, by the formula"].allowed == setting
     assert rows["worst joint condition on ∂S_I"].allowed == setting
     assert unknown.words in [sentence for finding in listed for sentence in finding.words]
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "says"),
+    [
+        ("fence", (), False),
+        ("fence", ("network.loss=0.3",), True),
+        ("crossing", (), True),
+        ("faults/partition", (), False),
+        ("radio", (), False),
+    ],
+)
+def test_a_network_that_changes_nothing_is_named_before_the_run(report, name, changes, says):
+    listed = findings(swarm_of_scenario(name, *changes), report, [], None)
+    words = " ".join(sentence for finding in listed for sentence in finding.words)
+    assert ("change nothing here" in words) is says
