@@ -114,7 +114,7 @@ BUDGET: Mapping[str, int] = {
     "guarantee": 2360,
     "hosts": 340,
     "knowledge": 1260,
-    "launcher": 2240,
+    "launcher": 2340,
     "messages": 980,
     "network": 1450,
     "plant": 5010,
