@@ -74,7 +74,7 @@ class _Twins:
         self.effects.append(StepEffect(self._swarm.names[i], t, change))
 
     def _present(self, i: int, t: float) -> Mapping[int, Statement]:
-        """What agent i would receive at t [s] over a network without delay and loss."""
+        """Return what agent i would receive at t [s] over a network without delay and loss."""
         x, parts = self._run.clock.world.x, self._swarm.safe_set.parts
         states = {l: tuple(x[parts[l]].tolist()) for l in self._swarm.heard_by(i)}
         return {

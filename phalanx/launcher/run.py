@@ -139,7 +139,7 @@ class Run:
 
     @cached_property
     def network_effect(self) -> "pl.DataFrame":
-        """How far each input is from that of an agent which knows the truth: agent, t, effect.
+        """Difference of each input from that of an agent which knows the truth: agent, t, effect.
 
         The effect is a share of the inputs' largest distance. The run is repeated for it, without
         commands. Raises ValueError where one controller decides for all.
