@@ -35,7 +35,9 @@ ROOMS = {
         ("phalanx/faults/*.py", "phalanx/network/rule.py", "phalanx/network/link.py"),
         "tests/unit/faults tests/unit/network tests/unit/scenario tests/unit/agent",
     ),
-    "inbox": Room(("phalanx/network/inbox.py",), "tests/unit/network tests/unit/agent"),
+    "inbox": Room(
+        ("phalanx/network/inbox.py",), "tests/unit/network tests/unit/agent tests/unit/messages"
+    ),
     "clock": Room(
         ("agent/phalanx_agent/clock.py", f"{_PLANT}/clock/*.py", f"{_PLANT}/sampling/*.py"),
         "tests/unit/plant tests/unit/agent tests/unit/faults",

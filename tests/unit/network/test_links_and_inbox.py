@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from phalanx.messages.kinds import Broadcast
-from phalanx.network.inbox import AnnouncedInput, BroadcastInbox, BroadcastRange, DeliveryReport
+from phalanx.network.inbox import (
+    AnnouncedInput,
+    BroadcastInbox,
+    BroadcastRange,
+    DeliveryReport,
+    Incoming,
+)
 from phalanx.network.link import Link
 from tests.unit.network.models import broadcast, inbox_of, model
 
@@ -100,6 +106,12 @@ def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_deci
     assert not inbox.lacks(upto(2, -1))
     assert inbox.lacks(upto(3, -1))
     assert inbox.missing(upto(4, 0)) == {0: [3, 4], 1: [0]}
+
+
+def test_of_a_sender_that_sends_at_every_third_sample_no_other_broadcast_is_missing():
+    incoming = Incoming(every=3)
+    assert incoming.missing(0, 7) == [0, 3, 6]
+    assert incoming.missing(4, 9) == [6, 9]
 
 
 def test_duplicates_and_replays_are_refused_and_change_nothing():

@@ -46,6 +46,9 @@ def test_an_inbox_takes_a_duplicate_once():
     assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
     assert inbox.received[0].u == (2.0, 0.0)
     assert not inbox.put(0, broadcast(2))
+    twice = model(duplicate=1.0, delay={"low": 0.0, "high": 0.1})
+    link, fates = Link(0, "s0", "me", twice), inbox_of(twice, count=20).advance({0: (0, 19)}, 1.0)
+    assert [fate.delay for fate in fates] == [link.fate(k).delay for k in range(20)], "the earlier"
 
 
 def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
