@@ -7,7 +7,6 @@ from types import MappingProxyType
 
 import numpy as np
 from msgspec import Struct
-from msgspec.structs import replace
 
 from phalanx.faults.commands import ActiveCommands
 from phalanx.messages.kinds import (
@@ -114,8 +113,8 @@ class ControlStep:
         """Most fates in one report."""
         self._unreported: tuple[DeliveryReport, ...] = ()
         """Fates that are decided and not yet reported to the plant."""
-        self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
-        """Inputs that lies may repeat, the newest last."""
+        self._past: deque[AnnouncedInput] = deque(maxlen=self._lies.steps_back)
+        """What lies may repeat, the newest last."""
         watches = swarm.safety.watch and not swarm.members[i].adversary
         self._watch: Callable[..., list[Conviction]] | None = (
             part_of_agent("safety.watch")(swarm, i) if watches else None
@@ -227,10 +226,11 @@ class ControlStep:
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
-        broadcasts = self._broadcasts(sample, AnnouncedInput(t_apply, claimed))
+        state = tuple(x[self.swarm.safe_set.parts[self.i]].tolist()) if self._peers else ()
+        truth = AnnouncedInput(t_apply, claimed, state)
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
-            self._with_states(broadcasts, sample, x, result) if self._peers else broadcasts,
+            self._broadcasts(sample, truth, result.reference),
             Telemetry(
                 k=sample.k,
                 report=result.report(time.perf_counter() - began),
@@ -250,9 +250,25 @@ class ControlStep:
         """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
-    def _broadcasts(self, sample: Sample, truth: AnnouncedInput) -> dict[int, Broadcast]:
+    def _broadcasts(
+        self, sample: Sample, truth: AnnouncedInput, reference: Array | None
+    ) -> dict[int, Broadcast]:
+        if not sample.hearers and not self._lies.declared:
+            return {}
+        relays = self._newest_heard() if truth.x else ()
+
+        def broadcast(claim: AnnouncedInput) -> Broadcast:
+            z = claim.x
+            if reference is not None:  # a false state has a reference that fits it
+                pairs = zip(reference.tolist(), claim.x, truth.x, strict=True)
+                z = tuple([r + (said - true) for r, said, true in pairs])
+            k, t = sample.k, sample.t if truth.x else 0.0
+            return Broadcast(
+                k=k, t_apply=claim.t_apply, u=claim.u, t=t, x=claim.x, z=z, relays=relays
+            )
+
         if not self._lies.declared:
-            return dict.fromkeys(sample.hearers, _broadcast(sample.k, truth))
+            return dict.fromkeys(sample.hearers, broadcast(truth))
         past, names = self._past, self.swarm.names
         claims = {
             l: self._lies.claim(
@@ -264,21 +280,13 @@ class ControlStep:
             )
             for l in sample.hearers
         }
-        past.append(truth.u)
-        return {l: _broadcast(sample.k, claim) for l, (claim, _) in claims.items()}
+        past.append(truth)
+        return {l: broadcast(claim) for l, (claim, _) in claims.items()}
 
-    def _with_states(
-        self, broadcasts: dict[int, Broadcast], sample: Sample, x: Array, result: StepResult
-    ) -> dict[int, Broadcast]:
-        """Add to broadcasts to peers the agent's state, and the newest that it heard of others."""
-        if not broadcasts:
-            return broadcasts
-        state = tuple(x[self.swarm.safe_set.parts[self.i]].tolist())
-        reference = state if result.reference is None else tuple(result.reference.tolist())
+    def _newest_heard(self) -> tuple[Statement, ...]:
+        """Return what it heard of its peers last, the newest first, as far as it relays."""
         newest = sorted(self.inbox.received.items(), key=lambda item: (-item[1].t, item[0]))
-        relays = tuple([_relayed(l, s) for l, s in newest if l in self._peers][: self._relays])
-        more = {"t": sample.t, "x": state, "z": reference, "relays": relays}
-        return {l: replace(b, **more) if l in self._peers else b for l, b in broadcasts.items()}
+        return tuple([_relayed(l, s) for l, s in newest if l in self._peers][: self._relays])
 
     def _decide_fates(self, accepted: Accepted) -> tuple[DeliveryReport, ...]:
         sample, x = accepted.sample, accepted.x
@@ -330,17 +338,14 @@ def _relayed(sender: int, of: SentInput) -> Statement:
     return Statement(sender=sender, k=of.k, t_apply=of.t_apply, u=of.u, t=of.t, x=of.x, z=of.z)
 
 
-def _broadcast(k: int, claim: AnnouncedInput) -> Broadcast:
-    return Broadcast(k=k, t_apply=claim.t_apply, u=claim.u)
-
-
 def _most_fates(swarm: Swarm) -> int:
     """Return how many fates fit into a report of MAX_BYTES; after a pause there may be more."""
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
+    x = _HEAD + _FLOAT * max(b.states for b in swarm.broadcasters.values())
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
     conviction = _HEAD + _INT + 3 * _FLOAT
     per_agent = age + received + conviction
     other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * per_agent
     faults = _HEAD + _INT * len(swarm.links.declared)
-    fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
+    fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u + x
     return max((MAX_BYTES - other_fields) // fate, 1)

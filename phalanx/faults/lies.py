@@ -22,7 +22,7 @@ from phalanx.network.rule import Cut
 from phalanx.schema.fields import INPUT, WORD, Name, Sent, field_error
 from phalanx.seeded.draws import Draws, Seeds
 
-_LIES = ("says", "equivocate", "replay", "apply_time", "silent")
+_LIES = ("says", "equivocate", "replay", "apply_time", "shift", "drift", "silent")
 
 
 def _word_or_input(value: Any) -> str:
@@ -48,9 +48,13 @@ class LieFault(TimedFault):
     equivocate: Literal[True] | None = None
     """Claim another input to every peer at every step, with components between u and -u."""
     replay: Annotated[int, Field(ge=1, strict=True)] | None = None
-    """Claim the input that it applied so many steps ago, with a new sequence number."""
+    """Claim the input and state of so many steps ago, with a new sequence number."""
     apply_time: Sent | None = None
     """Claim that its input takes effect so much later than it does [s]; negative: earlier."""
+    shift: tuple[Sent, ...] | None = None
+    """By radio: state this sum with its own state."""
+    drift: tuple[Sent, ...] | None = None
+    """The same, but a sum that grows by this each second from `at` on."""
     silent: Literal[True] | None = None
     """Send no broadcasts."""
 
@@ -68,6 +72,10 @@ class LieFault(TimedFault):
         size = len(agents[self.agent].inputs)
         if isinstance(self.says, tuple) and len(self.says) != size:
             raise field_error((*where, "says"), f"expected {size} components", self.says)
+        for field in ("shift", "drift"):
+            states, change = len(agents[self.agent].states), getattr(self, field)
+            if change is not None and len(change) != states:
+                raise field_error((*where, field), f"expected {states} components", change)
 
     def is_for(self, receiver: str) -> bool:
         """Return whether this peer receives the lie."""
@@ -83,8 +91,8 @@ class LieFault(TimedFault):
         )
 
 
-Past = Callable[[int], tuple[float, ...] | None]
-"""The input that an agent applied so many steps ago; None if there was none."""
+Past = Callable[[int], AnnouncedInput | None]
+"""What an agent applied so many steps ago, and its state; None if there was nothing."""
 
 
 class PeerClaim(NamedTuple):
@@ -120,18 +128,23 @@ class Lies:
     def _changed(
         self, claim: AnnouncedInput, fault: LieFault, receiver: str, k: int, past: Past, now: float
     ) -> AnnouncedInput:
-        u = claim.u
+        t_apply, u, x = claim.t_apply, claim.u, claim.x
         if fault.apply_time is not None:
-            return AnnouncedInput(claim.t_apply + fault.apply_time, u)
+            return AnnouncedInput(t_apply + fault.apply_time, u, x)
+        if (change := fault.shift or fault.drift) is not None:
+            grown = 1.0 if fault.shift else now - fault.at
+            moved = [value + grown * more for value, more in zip(x, change, strict=bool(x))]
+            return AnnouncedInput(t_apply, u, tuple(moved))
         if isinstance(fault.says, tuple):
             u = fault.says
         elif fault.says is not None:
             u = tuple(-value if fault.says == "opposite" else 0.0 for value in u)
         elif fault.replay is not None:
-            u = past(fault.replay) or u
+            old = past(fault.replay)
+            return AnnouncedInput(t_apply, old.u, old.x) if old else claim
         else:
             seed = self._seeds.at(now)
             draws = Draws(seed, "equivocation", self._name, receiver, width=len(u))[k]
             pairs = zip(u, draws.tolist(), strict=True)
             u = tuple(value * (2.0 * draw - 1.0) for value, draw in pairs)
-        return AnnouncedInput(claim.t_apply, u)
+        return AnnouncedInput(t_apply, u, x)

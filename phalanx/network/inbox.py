@@ -13,12 +13,14 @@ from phalanx.theory.rows.information import ReceivedInput
 
 
 class AnnouncedInput(msgspec.Struct, array_like=True, frozen=True):
-    """A broadcast's statement of its sender's input, true or not."""
+    """A broadcast's statement of its sender's input and, by radio, state, true or not."""
 
     t_apply: float
     """Time from which the input is in force [s]."""
     u: tuple[float, ...]
     """Native input, shape (m_i,)."""
+    x: tuple[float, ...] = ()
+    """Its state at the sample, shape (n_i,); by radio."""
 
 
 class Statement(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -265,7 +267,7 @@ class BroadcastInbox:
             if after == math.inf:
                 fates.append(DeliveryReport(sender, k, -1.0, delivery.faults))
             else:
-                claim = AnnouncedInput(begins, message.u)
+                claim = AnnouncedInput(begins, message.u, message.x)
                 fates.append(
                     DeliveryReport(sender, k, sent - begins + after, delivery.faults, claim)
                 )

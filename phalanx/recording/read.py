@@ -195,7 +195,8 @@ def misfit(recording: Recording) -> str | None:
 
 def _fits(step: Step, inputs: dict[str, int]) -> bool:
     size = inputs.get(step.agent)
-    senders = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
+    named = (*step.ages, *step.fates, *step.faults, *step.false, *step.false_states)
+    senders = [sender for sender, *_ in named]
     return (
         len(step.u) == size
         and len(step.u_nom) in (0, size)

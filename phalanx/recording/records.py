@@ -52,6 +52,10 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
         default_factory=list
     )
     """(sender, sequence number, t_apply [s], u) of false claims."""
+    false_states: list[tuple[str, SequenceNumber, list[float]]] = msgspec.field(
+        default_factory=list
+    )
+    """(sender, sequence number, x) of the same by radio."""
     notes: dict[str, float] = msgspec.field(default_factory=dict)
     """Numbers that a controller of one's own wants recorded, by name."""
 

@@ -7,6 +7,7 @@ folds over them. No agent decides anything, so no controller need be repeatable.
 from collections import defaultdict, deque
 
 import numpy as np
+from msgspec.structs import replace
 
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -16,6 +17,7 @@ from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.recording.read import Recording, UnreadableRecordingError, swarm_of
 from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
@@ -66,13 +68,18 @@ class RecordedAgents(NoProcesses):
             conviction = Conviction(index[c.of], c.begin, c.end, c.excess)
             self._convictions[index[c.by], c.t].append(conviction)
         self._telemetry: dict[tuple[int, int], Telemetry] = {}
+        self._codec, self._states = StateCodec(swarm), dict[tuple[int, int], tuple[float, ...]]()
+        """The latter: by agent with a radio and number, the state that it could state."""
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Answer agent i's sample as recorded; of an input that was lost only fates are known."""
         latest = dict(zip(sample.senders, sample.latest, strict=True))
         fates = list[DeliveryReport]()
+        if self._swarm.peers(i):
+            state = self._codec.unpack_one(i, sample.x, sample.seen)
+            self._states[i, sample.k] = tuple(state.tolist())
         while (queue := self._fates[i]) and queue[0].k <= latest.get(queue[0].sender, -1):
-            fates.append(queue.popleft())
+            fates.append(self._with_state(queue.popleft()))
         self._newest[i], step = sample.k, self._steps.get((i, sample.k))
         report: StepReport = step or StepReport(origin=Origin.QP, residual=None, solve_time=0.0)
         self._telemetry[i, sample.k] = Telemetry(
@@ -82,6 +89,13 @@ class RecordedAgents(NoProcesses):
             fates=tuple(fates),
             convictions=tuple(self._convictions[i, sample.t]),
         )
+
+    def _with_state(self, fate: DeliveryReport) -> DeliveryReport:
+        """Add the sender's state to a true claim."""
+        x = self._states.get((fate.sender, fate.k), ())
+        if fate.claim is None or fate.claim.x or not x:
+            return fate
+        return replace(fate, claim=replace(fate.claim, x=x))
 
     def await_input(self, i: int) -> Array:
         """Return agent i's input for its newest sample, shape (m_i,); zeros if it was lost."""
@@ -100,7 +114,11 @@ class RecordedAgents(NoProcesses):
     def _fates_in(self, step: Step) -> list[DeliveryReport]:
         """Return the fates in a step, each with its claim: the truth, unless it is recorded."""
         links, latency = self._swarm.links, self._swarm.time.latency
-        false = {(name, k): AnnouncedInput(t, tuple(u)) for name, k, t, u in step.false}
+        states = {(name, k): tuple(x) for name, k, x in step.false_states}
+        false = {
+            (name, k): AnnouncedInput(t, tuple(u), states.get((name, k), ()))
+            for name, k, t, u in step.false
+        }
         faults = {(name, k): names for name, k, names in step.faults}
         fates = []
         for name, k, delay in step.fates:

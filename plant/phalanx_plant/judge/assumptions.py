@@ -123,7 +123,8 @@ class Assumptions:
         if safety.centralised:
             return [*assumptions, self._synchronous]
         believed = self._model.counts_on_received and self._filtered
-        return [*assumptions, self._fresh, self._claims.truthful] if believed else assumptions
+        assumptions += [self._fresh] if believed else []
+        return assumptions + ([self._claims.truthful] if believed or self._swarm.by_radio else [])
 
     def add(self, piece: DisturbanceKnot | WorldNote) -> None:
         """Check a disturbance, or what a world says of its motion."""
@@ -184,6 +185,10 @@ class Assumptions:
         if i in self._sampling and t > 0.0:
             self._check_gap(i, t)
         self._sampled[i] = t, self._x
+
+    def state_at_sample(self, i: int) -> Array:
+        """Return agent i's true state at its last sample, shape (n_i,)."""
+        return self._sampled[i][1][self._parts[i]]
 
     def _check_gap(self, i: int, t: float) -> None:
         last, _ = self._sampled.get(i, (0.0, self._x))

@@ -10,7 +10,10 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.swarm.swarm import Swarm
 
-_NOTE = "every broadcast stated an input that its sender's actuator held, and since when"
+_NOTE = (
+    "every broadcast stated an input that its sender's actuator held, and since when; by radio its "
+    "state too"
+)
 
 
 class Finding(NamedTuple):
@@ -37,7 +40,10 @@ class Claims:
         """Messages and agents on which each declared fault had an effect."""
         self._names, self._latency = swarm.names, swarm.time.latency
         self._lies = [swarm.links.lies(name) for name in swarm.names]
-        self._planned = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
+        stated = {b.i: b.states for b in swarm.broadcasters.values()}
+        self._planned = [
+            _Inputs(len(m.dynamics.inputs), stated.get(i, 0)) for i, m in enumerate(swarm.members)
+        ]
         self._late: dict[tuple[int, int], float] = {}
         """By agent and number, when an input took effect that did so late [s]; inf: never."""
         self._early: defaultdict[tuple[int, int], list[tuple[int, AnnouncedInput, float]]]
@@ -50,7 +56,10 @@ class Claims:
         """By agent, the time from which it first held another input than it announced [s]."""
 
     def add_truth(self, i: int, k: int, planned: AnnouncedInput, held_from: float) -> None:
-        """Record agent i's input for sample k, and when its actuator applied it [s]; inf: never."""
+        """Record agent i's input for sample k, and its state if it states that.
+
+        held_from: when its actuator applied the input [s]; inf: never.
+        """
         self._planned[i].put(k, planned)
         if held_from != planned.t_apply:
             self._late[i, k] = held_from
@@ -88,7 +97,7 @@ class Claims:
         t: float,
     ) -> Finding:
         held_from = self._late.get((i, k), planned.t_apply)
-        true = claim == AnnouncedInput(held_from, planned.u)
+        true = claim == AnnouncedInput(held_from, planned.u, planned.x)
         self.truthful.check(true, t)
         if true:
             return _TRUE
@@ -106,25 +115,25 @@ class Claims:
         return Finding(True, lies)
 
     def _before(self, i: int, k: int) -> Past:
-        def past(ago: int) -> tuple[float, ...] | None:
-            old = self._planned[i].get(k - ago) if ago <= k else None
-            return None if old is None else old.u
-
-        return past
+        return lambda ago: self._planned[i].get(k - ago) if ago <= k else None
 
 
 class _Inputs:
     """All inputs of one agent by number, stored as doubles: a long run has many."""
 
-    def __init__(self, size: int) -> None:
-        self._width, self._rows = 1 + size, array("d")
+    def __init__(self, inputs: int, states: int) -> None:
+        """states: of those that it states by radio."""
+        self._inputs, self._width, self._rows = inputs, 1 + inputs + states, array("d")
 
     def put(self, k: int, claim: AnnouncedInput) -> None:
         rows, begin = self._rows, k * self._width
         if (lacking := begin - len(rows)) > 0:  # inputs that were lost
             rows.extend([math.nan] * lacking)
-        rows[begin : begin + self._width] = array("d", (claim.t_apply, *claim.u))
+        rows[begin : begin + self._width] = array("d", (claim.t_apply, *claim.u, *claim.x))
 
     def get(self, k: int) -> AnnouncedInput | None:
         row = self._rows[k * self._width : (k + 1) * self._width]
-        return None if not row or math.isnan(row[0]) else AnnouncedInput(row[0], tuple(row[1:]))
+        if not row or math.isnan(row[0]):
+            return None
+        u, x = row[1 : 1 + self._inputs], row[1 + self._inputs :]
+        return AnnouncedInput(row[0], tuple(u), tuple(x))

@@ -104,6 +104,7 @@ class Judge:
         }
         """Steps of normal agents by how their input was made."""
         self._names, self._latency = swarm.names, swarm.time.latency
+        self._with_radio = frozenset(i for i in swarm.normal if swarm.peers(i))
         self._crossings: list[Crossing] = []
         """Those at the start, until the first event."""
         self._turned: set[int] = set()
@@ -265,9 +266,7 @@ class Judge:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
         received, notices = self._report(i, event.t_sample, telemetry)
         origin = telemetry.report.origin
-        self.claims.add_truth(
-            i, event.k, AnnouncedInput(event.t_sample + self._latency, u), event.t_apply
-        )
+        self.claims.add_truth(i, event.k, self._truth(event), event.t_apply)
         self.assumptions.applied(event, telemetry)
         self._steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
@@ -284,11 +283,17 @@ class Judge:
 
     def _lost(self, event: InputLost, telemetry: Telemetry) -> Judged:
         received, notices = self._report(event.i, event.t_sample, telemetry)
-        planned = AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()))
-        self.claims.add_truth(event.i, event.k, planned, np.inf)
+        self.claims.add_truth(event.i, event.k, self._truth(event), np.inf)
         self.assumptions.lost(event)
         notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
         return Judged(event, notices, received=received)
+
+    def _truth(self, event: InputApplied | InputLost) -> AnnouncedInput:
+        """Return what agent i's broadcast of an input has to state."""
+        x: tuple[float, ...] = ()
+        if event.i in self._with_radio:
+            x = tuple(self.assumptions.state_at_sample(event.i).tolist())
+        return AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()), x)
 
     def _lost_member(self, event: MemberLost) -> Judged:
         name = self._names[event.i]

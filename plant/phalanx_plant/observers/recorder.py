@@ -111,6 +111,11 @@ class Recorder:
                 for fate, finding in received
                 if finding.false and fate.claim is not None
             ],
+            false_states=[
+                (names[fate.sender], fate.k, list(fate.claim.x))
+                for fate, finding in received
+                if finding.false and fate.claim is not None and fate.claim.x
+            ],
             notes=dict(telemetry.notes),
             **asdict(step),
         )

@@ -6,6 +6,7 @@ import pytest
 from phalanx_agent.step import ControlStep
 from phalanx_plant.sampling.sampling import Sampling
 
+import phalanx
 from phalanx.launcher.simulation import Simulation
 from phalanx.messages.kinds import Broadcast, Sample
 from phalanx.messages.seal import Malformed
@@ -161,3 +162,30 @@ def test_other_dynamics_and_functions_without_a_distance_are_refused():
     unicycle = 'agents.0.dynamics={type="triple-integrator", jerk=1.0, dimension=2}'
     with pytest.raises(ScenarioError):
         Simulation(rows_of_scenario("radio", unicycle))
+
+
+FALSE_PLACE = {
+    "kind": "lie",
+    "agent": "2",
+    "shift": [0.5, 0.0, 0.0, 0.0],
+    "to": ["1"],
+    "at": 0.4,
+    "for": 1.0,
+}
+
+
+def test_a_false_state_is_told_named_by_the_judge_and_the_same_when_judged_again(tmp_path):
+    changes = {"duration": 1.2, "network.loss": 0, "agents.0.radio.relays": 0}
+    honest, lied = (
+        phalanx.run(
+            phalanx.load("radio", {**changes, "faults": faults}), engine="in-process", out=tmp_path
+        )
+        for faults in ([], [FALSE_PLACE])
+    )
+    truthful = [a for a in lied.summary.theorem if a.name == "truthful broadcasts"]
+    (of_honest,) = [a for a in honest.summary.theorem if a.name == "truthful broadcasts"]
+    assert of_honest.failed == 0 < of_honest.checked
+    assert truthful[0].failed == lied.summary.faults[-1].count > 0
+    assert lied.summary.trajectory != honest.summary.trajectory
+    again = lied.judge_again()
+    assert (again.theorem, again.faults) == (lied.summary.theorem, lied.summary.faults)

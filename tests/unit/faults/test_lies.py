@@ -5,6 +5,7 @@ import pytest
 from phalanx.faults.lies import Lies, PeerClaim
 from phalanx.network.inbox import AnnouncedInput
 from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 
 TRUTH = AnnouncedInput(0.5, (1.5, -0.5))
 
@@ -18,8 +19,9 @@ def lies(*tables: dict[str, object], agent: str = "2", seed: int = 0) -> Lies:
 def claimed(
     liar: Lies, receiver: str = "1", k: int = 50, truth: AnnouncedInput = TRUTH
 ) -> PeerClaim:
-    """Return the claim to a peer; the input applied n steps ago was (n, n)."""
-    return liar.claim(receiver, k, truth, lambda ago: (float(ago), float(ago)))
+    """Return the claim to a peer at 0.5 s; the input of n steps ago was (n, n), its state n."""
+    past = lambda ago: AnnouncedInput(0.5, (float(ago),) * 2, (float(ago),) * len(truth.x))  # noqa: E731
+    return liar.claim(receiver, k, truth, past, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -36,6 +38,27 @@ def claimed(
 def test_a_lie_changes_the_claim(lie, claim):
     assert claimed(lies(lie)) == PeerClaim(claim, () if claim == TRUTH else (0,))
     assert claimed(lies(lie, agent="1")) == PeerClaim(TRUTH, ()), "other agents do not lie"
+
+
+@pytest.mark.parametrize(
+    ("lie", "x"),
+    [
+        ({"shift": [2.0, -1.0, 0.5]}, (3.0, 0.0, 1.5)),
+        ({"drift": [2.0, 0.0, 0.0], "at": 0.25}, (1.5, 1.0, 1.0)),
+        ({"replay": 7}, (7.0, 7.0, 7.0)),
+        ({"says": "zero"}, (1.0, 1.0, 1.0)),
+    ],
+)
+def test_by_radio_a_lie_changes_the_state_too(lie, x):
+    truth = AnnouncedInput(0.5, TRUTH.u, (1.0, 1.0, 1.0))
+    assert claimed(lies(lie), truth=truth).claim.x == x
+    assert claimed(lies(lie)).claim.x == (), "without a radio no state is stated"
+
+
+@pytest.mark.parametrize("field", ["shift", "drift"])
+def test_a_false_state_has_as_many_components_as_the_true_one(field):
+    with pytest.raises(ScenarioError, match=f"faults.0.{field}: expected 3 components"):
+        lies({field: [1.0, 0.0]})
 
 
 @pytest.mark.parametrize("t", [0.19, 0.5])
