@@ -110,14 +110,14 @@ BUDGET: Mapping[str, int] = {
     "agent": 940,
     "attacks": 1880,
     "cli": 1640,
-    "faults": 1020,
+    "faults": 1030,
     "guarantee": 2360,
     "hosts": 340,
     "knowledge": 1260,
     "launcher": 2340,
     "messages": 980,
     "network": 1450,
-    "plant": 5010,
+    "plant": 5060,
     "recording": 2000,
     "report": 2320,
     "scenario": 1580,
@@ -311,7 +311,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_000), ("phalanx.launcher.simulation", 21_500)]
+    ("program", "most"), [("phalanx_agent.main", 15_020), ("phalanx.launcher.simulation", 21_560)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -174,7 +174,7 @@ FALSE_PLACE = {
 }
 
 
-def test_a_false_state_is_told_named_by_the_judge_and_the_same_when_judged_again(tmp_path):
+def test_a_false_state_is_named_by_the_judge_and_the_same_when_judged_again(tmp_path):
     changes = {"duration": 1.2, "network.loss": 0, "agents.0.radio.relays": 0}
     honest, lied = (
         phalanx.run(
