@@ -14,7 +14,7 @@ from phalanx.knowledge.cones import Cones
 from phalanx.knowledge.motion import PointMotion
 from phalanx.knowledge.spending import HoldPieces
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytope, vertices
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
@@ -56,29 +56,28 @@ class InputChoice:
         step = _STEP * motion.authority
         self._steps, self._width = step * faces, 2.0 * step
 
-    def nearest(self, wish: Array, v: Array, limits: Limits, whole: Rows | None) -> Chosen:
+    def nearest(self, wish: Array, v: Array, limits: Limits | None, whole: Rows | None) -> Chosen:
         """Choose an input.
 
         Args:
             wish: shape (axes,).
             v: the reference's speed, shape (axes,).
-            limits: of own parts.
+            limits: of own parts; None if none can be too large.
             whole: rows that yield.
         """
-        possible = self._motion.rate(float(length(v)), self._motion.longest)
-        near = np.flatnonzero(limits.most < possible)
-        limits = Limits(limits.cones.of(near), limits.most[near])
-        cuts = Rows(np.empty((0, len(wish))), np.empty(0))
-        u, binding = self._inside(wish, cuts, whole), -1
+        cuts, binding = Rows(np.empty((0, len(wish))), np.empty(0)), -1
+        u = self._inside(wish, cuts, whole)
         if u is None:
             return Chosen(self._motion.brake(v), True, None)
+        if limits is None:
+            return Chosen(u, False, None)
         for _ in range(_ROUNDS):
             around = np.concatenate([u[None], u + self._steps])
             values = self._pieces.spending(v, around, limits.cones)
             excess = values[0] - limits.most
             if not (excess > 0.0).any():
                 return Chosen(u, False, binding if binding >= 0 else None)
-            binding = int(near[excess.argmax()])
+            binding = int(excess.argmax())
             cuts = _joined(cuts, self._tangents(u, values, excess))
             inside = self._inside(wish, cuts, whole)
             if inside is None:

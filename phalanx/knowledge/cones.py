@@ -12,7 +12,7 @@ import numpy as np
 
 from phalanx.knowledge.motion import Motions
 from phalanx.knowledge.sets import Boxes
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
 
 _ROUNDING = 1e-12
@@ -44,10 +44,6 @@ class Cones(NamedTuple):
         inside = along >= self.cos * size
         worst: Array = np.where(inside, size, along * self.cos + lateral * self.sin)
         return worst
-
-    def of(self, indices: Index) -> "Cones":
-        """Return some of them, in this order."""
-        return Cones(*(column[indices] for column in self))
 
 
 class Own(NamedTuple):
@@ -111,4 +107,6 @@ def fixed(directions: Array, pieces: int) -> Cones:
 
 def joined(cones: list[Cones]) -> Cones:
     """Cones of several kinds of peers, one after another."""
+    if len(cones) == 1:
+        return cones[0]
     return Cones(*(np.concatenate(column) for column in zip(*cones, strict=True)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from phalanx.knowledge.held import held
 from phalanx.knowledge.tracking import Tracking, tracking
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
 
 
@@ -105,9 +105,9 @@ class Motions(NamedTuple):
         way: Array = speed * speed / (2.0 * self.authority[:, 0]) + self.longest * speed
         return way
 
-    def of(self, indices: Sequence[int]) -> "Motions":
+    def of(self, indices: Sequence[int] | Index) -> "Motions":
         """Return some of them, in this order."""
-        return Motions(*(column[list(indices)] for column in self))
+        return Motions(*(column[np.asarray(indices, dtype=np.intp)] for column in self))
 
 
 def stacked(motions: Sequence[PointMotion]) -> Motions:

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.knowledge.choice import InputChoice, Limits
-from phalanx.knowledge.cones import Own, cones, everywhere, fixed, joined
+from phalanx.knowledge.cones import Cones, Own, cones, everywhere, fixed, joined
 from phalanx.knowledge.motion import Motions, PointMotion, stacked
 from phalanx.knowledge.sets import Boxes, HeardState, PeerSet, enclosures
 from phalanx.knowledge.shares import Hold, Shares, after
 from phalanx.knowledge.spending import HoldPieces
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.rows.row import Rows
 
@@ -88,7 +88,7 @@ class OwnParts:
         longest = max([motion.longest, *(m.longest for m in peers.values())])
         self._share, self._radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
         self._enclose = partial(enclosures, stamp_error=stamp_error, believes=believes)
-        accounts = motion, self._motions, radius, self._share, stamp_error, self._enclose
+        accounts = motion, radius, self._share, stamp_error, self._enclose
         self._shares, self._last = Shares(*accounts), None
         if start is not None:
             self._last = Hold(0.0, start, np.zeros(motion.axes), 0.0)
@@ -116,28 +116,28 @@ class OwnParts:
         """
         z = self.reference = self._reference(t, x)
         pull = self._motion.tracking.pull(x - z)
-        known = [n for n, l in enumerate(self._names) if l in heard]
-        states, motions = [heard[self._names[n]] for n in known], self._motions.of(known)
+        names = [l for l in self._names if l in heard]
+        states = [heard[l] for l in names]
+        motions = self._motions.of([n for n, l in enumerate(self._names) if l in heard])
         boxes = self._sets(t, states, motions)
-        shares = self._shares.gaps(t, z, dict(zip(known, states, strict=True)))
-        gaps = np.maximum(self._gaps(boxes, motions), shares) - _ROUNDING
+        gaps, near = self._gaps(t, boxes, states, motions)
         # An obstacle is beyond a plane, and z may be nearer to that than x.
         behind = (z - x)[: self._motion.axes]
         static = [(distance + float(dot(n, behind)), n) for distance, n in static]
-        limits = self._limits(boxes, motions, gaps, static)
+        limits = self._limits(boxes.of(near), motions.of(near), gaps[near], static, len(names))
         shifted = None if whole is None else Rows(whole.a, whole.bound - dot(whole.a, pull))
         chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted)
         self._last = Hold(t, z, chosen.u, t)
-        names = [self._names[n] for n in known]
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
+        by_a_peer = chosen.binding is not None and chosen.binding < len(near)
         return OwnPartsInput(
             u=_clipped(chosen.u + pull, self._motion.acceleration),
             braked=chosen.braked,
-            stands=len(known) < len(self._names),
+            stands=len(names) < len(self._names),
             gaps=dict(zip(names, gaps.tolist(), strict=True)),
             sets=dict(zip(names, sets, strict=True)),
-            binding=None if chosen.binding is None else dict(enumerate(names)).get(chosen.binding),
+            binding=names[near[chosen.binding]] if by_a_peer else None,
         )
 
     def _reference(self, t: float, x: Array) -> Array:
@@ -157,32 +157,49 @@ class OwnParts:
         nothing = np.empty((0, 2 * self._motion.axes))
         return Boxes(nothing, nothing)
 
-    def _gaps(self, boxes: Boxes, motions: Motions) -> Array:
-        """-V of each peer at most, at the reference, shape (n,) [m]."""
-        p, v = np.split(self.reference, 2)
-        own = self._radius + self._motion.tube + self._motion.stopping(float(length(v)))
-        others = motions.tube + motions.stopping(boxes.speed())
-        gaps: Array = boxes.distance(p) - own - others
-        return gaps
+    def _gaps(
+        self, t: float, boxes: Boxes, states: Sequence[HeardState], motions: Motions
+    ) -> tuple[Array, Index]:
+        """-V of each peer at most, shape (n,) [m], and who is so near that it may bind.
+
+        Shares are counted only where the set leaves so little that an own part may be too large.
+        """
+        p, speed = self.reference[: self._motion.axes], self._speed()
+        own = self._radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
+        gaps = boxes.distance(p) - own - motions.tube - motions.stopping(boxes.speed())
+        most = self._motion.rate(speed, self._motion.longest) / self._share
+        near = np.flatnonzero(gaps < most)
+        if near.size:
+            some = [states[n] for n in near.tolist()]
+            shares = self._shares.gaps(t, self.reference, some, motions.of(near)) - _ROUNDING
+            gaps[near] = np.maximum(gaps[near], shares)
+        return gaps, near[gaps[near] < most]
 
     def _limits(
-        self, boxes: Boxes, motions: Motions, gaps: Array, static: Sequence[tuple[float, Array]]
-    ) -> Limits:
-        """Cones and own parts of peers, then of obstacles, then of peers never heard."""
-        motion, axes = self._motion, self._motion.axes
-        p, v = np.split(self.reference, 2)
-        own = Own(p, v, motion.drag, motion.authority)
-        unheard = len(self._names) - len(gaps)
-        away = np.array([n for _, n in static]).reshape(-1, axes)
-        clear = np.array([distance for distance, _ in static])
-        clear = clear - motion.tube - motion.stopping(float(length(v))) - _ROUNDING
-        around = [
-            cones(own, boxes, motions, self._pieces.times),
-            fixed(away, _PIECES),
-            everywhere(unheard, _PIECES, axes),
-        ]
-        most = [self._share * gaps, clear / motion.longest, np.zeros(unheard)]
-        return Limits(joined(around), np.maximum(0.0, np.concatenate(most)))
+        self,
+        boxes: Boxes,
+        motions: Motions,
+        gaps: Array,
+        static: Sequence[tuple[float, Array]],
+        heard: int,
+    ) -> Limits | None:
+        """Cones and own parts of near peers, then of obstacles, then of peers never heard."""
+        motion, axes, around, most = self._motion, self._motion.axes, list[Cones](), list[Array]()
+        if len(gaps):
+            own = Own(self.reference[:axes], self.reference[axes:], motion.drag, motion.authority)
+            around.append(cones(own, boxes, motions, self._pieces.times))
+            most.append(self._share * gaps)
+        if static:
+            around.append(fixed(np.array([n for _, n in static]), _PIECES))
+            clear = np.array([distance for distance, _ in static]) - motion.tube - _ROUNDING
+            most.append((clear - motion.stopping(self._speed())) / motion.longest)
+        if unheard := len(self._names) - heard:
+            around.append(everywhere(unheard, _PIECES, axes))
+            most.append(np.zeros(unheard))
+        return Limits(joined(around), np.maximum(0.0, np.concatenate(most))) if around else None
+
+    def _speed(self) -> float:
+        return float(length(self.reference[self._motion.axes :]))
 
 
 def _clipped(u: Array, bound: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import Motions
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
 
 
@@ -54,6 +54,10 @@ class Boxes(NamedTuple):
     low: Array
     """shape (n, 2 axes)"""
     high: Array
+
+    def of(self, indices: Index) -> "Boxes":
+        """Return some of them, in this order."""
+        return Boxes(self.low[indices], self.high[indices])
 
     def after(self, time: Array, motions: Motions, least: Array, most: Array) -> "Boxes":
         """Return the boxes a time later, shape (n,), under inputs from least to most."""

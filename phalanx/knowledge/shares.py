@@ -12,7 +12,9 @@ would not be sound.) Without memory of t_s there is no share. A peer that lies v
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -47,26 +49,16 @@ def after(hold: Hold, t: float, drag: float) -> Array:
     return moved(hold.z, hold.u, held(np.array([drag]), np.array([t - hold.t])))
 
 
-class Account(NamedTuple):
-    """All that bounds the gap to a peer since it was heard."""
+class _Past(NamedTuple):
+    """The own past since a peer's sample."""
 
-    state: HeardState
-    apart: float
-    """Distance at its sample, less R, tubes and the other's L [m]."""
-    way: float
-    """The own L at that time [m]."""
-    closed: float = 0.0
-    """The way closed in on it since, at most [m]."""
-    least: float = 0.0
-    """The way closed in on it, at least [m]."""
-    regained: float = 0.0
-    """C⁻ [m]"""
-    fastest: float = 0.0
-    """The own largest speed since [m/s]."""
+    z: Array
+    """The own reference then, shape (2 axes,)."""
+    holds: list[Hold]
 
 
 class _Closing(NamedTuple):
-    """Ways closed in on a peer during one hold, and the own motion's extremes [m, m/s]."""
+    """Ways closed in on a peer during one hold [m], and the own speed's extremes [m/s]."""
 
     most: float
     least: float
@@ -77,12 +69,11 @@ class _Closing(NamedTuple):
 
 
 class Shares:
-    """One agent's accounts of the gaps to its peers."""
+    """One agent's memory of its own reference, and the shares of gaps that follow from it."""
 
     def __init__(
         self,
         motion: PointMotion,
-        motions: Motions,
         radius: float,
         share: float,
         stamp_error: float,
@@ -92,17 +83,14 @@ class Shares:
 
         Args:
             motion: the agent's own.
-            motions: of all peers; an account has a peer's index among them.
             radius: R [m].
             share: ½ κ [1/s].
             stamp_error: bound on the error of a time stamp [s].
             enclose: makes the peers' sets.
         """
-        self._motion, self._motions = motion, motions
-        self._radius, self._share, self._stamp_error = radius, share, stamp_error
-        self._enclose = enclose
+        self._motion, self._radius, self._share = motion, radius, share
+        self._stamp_error, self._enclose = stamp_error, enclose
         self._holds: deque[Hold] = deque(maxlen=_MOST_HOLDS)
-        self._accounts: dict[int, Account] = {}
 
     def remember(self, hold: Hold) -> None:
         """Add a hold that has ended."""
@@ -111,108 +99,98 @@ class Shares:
     def forget(self) -> None:
         """Drop all memory: the reference did not go on from where it was."""
         self._holds.clear()
-        self._accounts.clear()
 
-    def gaps(self, t: float, z: Array, states: Mapping[int, HeardState]) -> Array:
-        """Gaps at time t, -∞ without a share; shape (n,) for n peers that were heard, in order.
+    def gaps(self, t: float, z: Array, states: Sequence[HeardState], motions: Motions) -> Array:
+        """Gaps to n peers at time t, -∞ without a share; shape (n,) [m].
 
         Args:
             t: of the sample [s], at which the last hold has ended.
             z: the reference, shape (2 axes,).
-            states: newest state heard of each peer, by its index.
+            states: the newest state heard of each peer.
+            motions: of the peers.
         """
-        parts: list[tuple[int, Hold]] = []
-        for index, state in states.items():
-            account = self._accounts.get(index)
-            if account is not None and account.state.t == state.t:
-                parts += [(index, hold) for hold in list(self._holds)[-1:]]
-            elif (holds := self._since(state.t, t, z)) is not None:
-                self._accounts[index] = self._opened(index, state, holds[0].z)
-                parts += [(index, hold) for hold in holds if hold.end > hold.t]
-            else:
-                self._accounts.pop(index, None)
-        for (index, _), closing in zip(parts, self._closings(parts), strict=True):
-            self._accounts[index] = self._updated(self._accounts[index], closing)
-        way = self._motion.stopping(_speed(z))
-        return np.array([self._gap(index, t, way) for index in states])
+        axes = self._motion.axes
+        pasts = [self._past(state, t, z) for state in states]
+        closings = self._closings(pasts, states, motions)
+        others = motions.tube + motions.stopping(length(np.array([s.z for s in states])[:, axes:]))
+        gaps = np.full(len(states), -np.inf)
+        for n, (state, past) in enumerate(zip(states, pasts, strict=True)):
+            if past is None:
+                continue
+            apart = length((past.z - state.z)[:axes]) - self._radius - self._motion.tube - others[n]
+            age = max(0.0, t - state.t) + self._stamp_error
+            rest = _rest(self._share, float(motions.longest[n]), age)
+            since = islice(closings, len(past.holds))
+            gaps[n] = self._left(float(apart), rest, _speed(past.z), _speed(z), since)
+        return gaps
 
-    def _since(self, begin: float, t: float, z: Array) -> list[Hold] | None:
-        """The holds since a time, the first one cut; None where memory does not reach so far."""
-        if begin >= t:
-            return [Hold(t, z, z, t)]
-        holds = []
+    def _left(
+        self, apart: float, rest: float, before: float, now: float, closings: Iterator[_Closing]
+    ) -> float:
+        """The gap that is left.
+
+        Args:
+            apart: distance at t_s, less R, tubes and the other's L [m].
+            rest: E.
+            before: the own speed at t_s [m/s].
+            now: the own speed.
+            closings: of the holds since t_s.
+        """
+        stopping, fastest = self._motion.stopping, before
+        gap, spent, least, regained = apart - stopping(before), 0.0, 0.0, 0.0
+        for closing in closings:
+            back = stopping(before) - stopping(closing.slowest) - least + closing.opened
+            regained, fastest = max(regained, back), max(fastest, closing.fastest)
+            spent, least = spent + closing.most, least + closing.least
+        if gap < 0.0:
+            return -inf
+        spent += stopping(now) - stopping(before)
+        # The own state at another time than the stamp's counts in g_s, C and C⁻.
+        error = self._stamp_error
+        unsure = 2.0 * error * self._motion.rate(fastest, error) if error > 0.0 else 0.0
+        return (gap + regained) * rest - regained - spent - unsure
+
+    def _past(self, state: HeardState, t: float, z: Array) -> _Past | None:
+        """The own past since a peer's sample, the first hold cut; None where it has no share."""
+        axes, holds = self._motion.axes, list[Hold]()
+        started_moving = state.t <= 0.0 and bool((state.z[axes:] != 0.0).any())
+        if started_moving or state.t_apply > state.t:  # what it does was not chosen at the state
+            return None
+        if state.t >= t:
+            return _Past(z, holds)
         for hold in reversed(self._holds):
             holds.append(hold)
-            if hold.t <= begin:
-                z = after(hold, begin, self._motion.drag)
-                holds[-1] = Hold(begin, z, hold.u, hold.end)
-                return holds[::-1]
+            if hold.t <= state.t:
+                begin = after(hold, state.t, self._motion.drag)
+                holds[-1] = Hold(state.t, begin, hold.u, hold.end)
+                return _Past(begin, holds[::-1])
         return None
 
-    def _opened(self, index: int, state: HeardState, z: Array) -> Account:
-        """An account of a peer that was at state.z when the own reference was z."""
-        axes = self._motion.axes
-        distance = float(length(z[:axes] - state.z[:axes]))
-        peer = self._motions.of([index])
-        other = float(peer.tube[0] + peer.stopping(length(state.z[None, axes:]))[0])
-        apart = distance - self._radius - self._motion.tube - other
-        return Account(state, apart, self._motion.stopping(_speed(z)), fastest=_speed(z))
-
-    def _closings(self, parts: Sequence[tuple[int, Hold]]) -> Iterator[_Closing]:
-        """Bounds on the way closed in during each hold on the peer."""
+    def _closings(
+        self, pasts: Sequence[_Past | None], states: Sequence[HeardState], motions: Motions
+    ) -> Iterator[_Closing]:
+        """Bounds on the way closed in during each hold on its peer, peer by peer."""
+        parts = [(n, hold) for n, past in enumerate(pasts) if past for hold in past.holds]
         if not parts:
             return iter(())
         motion, axes = self._motion, self._motion.axes
-        motions = self._motions.of([index for index, _ in parts])
-        states = [self._accounts[index].state for index, _ in parts]
-        begin = np.array([hold.t for _, hold in parts])
-        z, u = (np.array(rows) for rows in zip(*((h.z, h.u) for _, h in parts), strict=True))
-        times = np.array([hold.end - hold.t for _, hold in parts])[:, None] * _PARTS
+        peers, holds = zip(*parts, strict=True)
+        motions, begin = motions.of(peers), np.array([hold.t for hold in holds])
+        z, u = np.array([hold.z for hold in holds]), np.array([hold.u for hold in holds])
+        times = (np.array([hold.end for hold in holds]) - begin)[:, None] * _PARTS
         own = Own(z[:, :axes], z[:, axes:], motion.drag, motion.authority)
-        around = cones(own, self._enclose(states, begin, motions), motions, times)
-        factors = held(np.array(motion.drag), times[..., None])
-        v = factors.decay * z[:, None, axes:] + factors.speed * u[:, None]
+        boxes = self._enclose([states[n] for n in peers], begin, motions)
+        around, factors = cones(own, boxes, motions, times), held(np.array(motion.drag), times)
+        v = factors.decay[..., None] * z[:, None, axes:] + factors.speed[..., None] * u[:, None]
         spans = times[:, 1:] - times[:, :-1]
-        ends = v[:, :-1], v[:, 1:]
-        most = spans * np.maximum(*(around.closing(end) for end in ends))
-        back = spans * np.maximum(*(around.closing(-end) for end in ends))
-        speed = length(v)
-        columns = most, -back, np.maximum(back, 0.0)
-        sums = [np.add.reduce(column, axis=1) for column in columns]
-        rows = zip(*sums, _slowest(v[:, 0], v[:, -1]), speed.max(axis=1), strict=True)
-        return (_Closing(*map(float, row)) for row in rows)
-
-    def _updated(self, account: Account, closing: _Closing) -> Account:
-        """The account after one more hold."""
-        slowest = self._motion.stopping(closing.slowest)
-        back = account.way - slowest - account.least + closing.opened
-        return account._replace(
-            closed=account.closed + closing.most,
-            least=account.least + closing.least,
-            regained=max(account.regained, back),
-            fastest=max(account.fastest, closing.fastest),
+        most, back = (
+            spans * np.maximum(around.closing(path[:, :-1]), around.closing(path[:, 1:]))
+            for path in (v, -v)
         )
-
-    def _gap(self, index: int, t: float, way: float) -> float:
-        """The gap to a peer; way: the own L now."""
-        account = self._accounts.get(index)
-        if account is None or not _keeps_its_half(account.state) or account.apart < account.way:
-            return -np.inf
-        age = max(0.0, t - account.state.t) + self._stamp_error
-        whole = account.apart - account.way + account.regained
-        spent = way - account.way + account.closed
-        rest = _rest(self._share, float(self._motions.longest[index]), age)
-        # An own way at another time than the stamp's counts in g_s, C and C⁻.
-        error = self._stamp_error
-        unsure = 2.0 * error * self._motion.rate(account.fastest, error) if error > 0.0 else 0.0
-        return whole * rest - account.regained - spent - unsure
-
-
-def _keeps_its_half(state: HeardState) -> bool:
-    """Return whether all that the peer did since was chosen at the state, or later."""
-    axes = len(state.u)
-    started_moving = state.t <= 0.0 and bool((state.z[axes:] != 0.0).any())
-    return state.t_apply <= state.t and not started_moving
+        columns = most, -back, np.maximum(back, 0.0)
+        sums = [np.add.reduce(column, axis=1).tolist() for column in columns]
+        speeds = _slowest(v[:, 0], v[:, -1]).tolist(), length(v).max(axis=1).tolist()
+        return map(_Closing, *sums, *speeds)
 
 
 def _rest(share: float, longest: float, age: float) -> float:

@@ -49,6 +49,7 @@ class HoldPieces:
             faster = np.where(speed > 0.0, np.minimum(inner / speed, c_size), c_size)
         growth = (inner / motion.authority + motion.longest * faster)[:, 1:]
         growth = growth * np.where(growth > 0.0, rate[:-1], rate[1:])
-        before, after = (cones.closing(ends) for ends in (path[:, None, :-1], path[:, None, 1:]))
-        most: Array = np.maximum.reduce(growth[:, None] + np.maximum(before, after), axis=-1)
+        ends = np.stack([path[:, :-1], path[:, 1:]])[:, :, None]
+        closing = np.maximum.reduce(cones.closing(ends), axis=0)
+        most: Array = np.maximum.reduce(growth[:, None] + closing, axis=-1)
         return most
