@@ -256,7 +256,8 @@ class BroadcastInbox:
             # they are added to the real delay.
             begins = message.t_apply
             sent = begins if at <= begins else max(begins, min(at, t))
-            delivery = link.fate(k, sent, separation, t)
+            # Rules count messages: a burst is of so many in a row, however rare these are.
+            delivery = link.fate(k // incoming.every, sent, separation, t)
             after = math.inf
             for copy in delivery.copies:
                 if copy.corrupt:

@@ -1,5 +1,7 @@
 """Peers by radio: they are in no sample, and known by states and relays in broadcasts."""
 
+import itertools
+
 import msgspec
 import numpy as np
 import pytest
@@ -67,6 +69,16 @@ def test_an_inbox_keeps_the_newest_statement_direct_or_relayed():
     assert inbox.missing({1: (0, 9)}) == {1: [5]}
     inbox.advance({1: (0, 0), 2: (1, 10)}, 2.0)
     assert {l: s.k for l, s in inbox.received.items()} == {1: 5, 2: 10}
+
+
+def test_a_burst_is_of_so_many_broadcasts_in_a_row_however_rare_these_are():
+    bursts = model(loss={"mean": 0.4, "burst": 8.0})
+    inbox = BroadcastInbox((1,), lambda j: Link(0, "1", "me", bursts), peers={1: 5})
+    for k in range(0, 200_000, 5):
+        inbox.put(1, Broadcast(k=k, t_apply=1e-3 * k, u=()))
+    lost = [fate.delay < 0.0 for fate in inbox.advance({1: (0, 199_999)}, 1e3)]
+    begins = sum(now and not before for before, now in itertools.pairwise(lost))
+    assert sum(lost) / begins == pytest.approx(8.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("peers", "known"), [({}, {2}), ({1: 1, 2: 1}, {1, 2})])
