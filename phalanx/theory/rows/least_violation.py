@@ -57,8 +57,8 @@ def least_violation(
     binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
     # The least bound is shifted to zero, which changes s alone: large bounds would cost digits.
     a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
-    column = (0, 0), (0, 1)
-    A = np.vstack([np.pad(a, column, constant_values=-1.0), np.pad(polytope.A, column)])
+    s = np.repeat([-1.0, 0.0], [len(a), len(polytope.b)])
+    A = np.concatenate([np.concatenate([a, polytope.A]), s[:, None]], axis=1)
     best = vertex(A, np.concatenate([bound, polytope.b]))
     if best is None:
         best = [*polytope.corners[int(np.argmin(residuals.max(axis=0)))], 0.0]
