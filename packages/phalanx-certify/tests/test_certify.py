@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from phalanx_certify.checker.certify import Certification, certify
 from phalanx_certify.checker.intervals import Interval, UncertifiableError, UndecidedError, point
-from phalanx_certify.checker.motions import GroupMotion, MotionCheck
+from phalanx_certify.checker.motions import GroupMotion, MotionCheck, require_digits
 
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
@@ -482,6 +482,15 @@ def test_what_a_motion_may_reach_is_enclosed_and_closely(model):
         assert result.distance[0] <= (bound + DEFECT) * dt * np.exp(5.0 * dt)
 
 
+def test_drag_does_not_make_what_a_disturbance_does_grow():
+    table = {"type": "double-integrator", "acceleration": 2.0, "drag": 20.0, "dimension": 2}
+    group = small_scenario(table, [[0.0] * 4], bound=0.1, obstacles=FAR).agents[0]
+    rest, span = point(np.zeros((4, 1))), Interval(*np.full((2, 1), 0.01))
+    end = MotionCheck(GroupMotion(group, 0.0)).reached(rest, point(np.zeros((2, 1))), span, 1)
+    assert end.proven.all()
+    assert 0.001 <= end.distance[0] <= 1.01 * (0.1 + DEFECT) * 0.01
+
+
 @pytest.mark.parametrize("drag", [0.93, 1.5, 4.0])
 def test_long_intervals_are_certified_also_where_drag_is_strong(drag):
     """One box of all states within an interval is not found, but that of its parts is."""
@@ -590,6 +599,20 @@ def test_every_state_of_a_long_recording_is_held_against_the_one_before(at):
     states = [State(1e-3 * k, [1e-6 * (k >= at), 0.0], 0.0) for k in range(5000)]
     with pytest.raises(UncertifiableError, match=f"t = {1e-3 * (at - 1):.6f} s"):
         certify(scenario, states, [])
+
+
+def test_states_far_from_the_origin_may_follow_too_close_for_their_digits():
+    """Each may be off by 10^7 · 2^-48 m: 0.36e-7 m, of 10^-7 m in any millisecond."""
+    x, dense = np.full((2, 7), 1e7), np.array([0.0, 0.5, 1.0, 1.0001, 1.0002, 1.0003, 2.0])
+    require_digits(np.arange(7.0), x)
+    with pytest.raises(UndecidedError, match=r"4 states within 0\.001 s"):
+        require_digits(dense, x)
+
+
+def test_what_rounding_does_to_a_state_far_away_is_no_other_motion():
+    scenario = small_scenario(SINGLE, [[1e6, 0.0]], obstacles=FAR, duration=1e-7)
+    ends = [State(t, [1e6 + t, 0.0], 0.0) for t in (0.0, 1e-7)]
+    assert certify(scenario, ends, [step("1", 0.0, [1.0, 0.0])]).samples == 1
 
 
 @pytest.mark.parametrize("talking", ["1", "2", "nobody"])
