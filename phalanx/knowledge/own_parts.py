@@ -192,7 +192,7 @@ class OwnParts:
         if static:
             around.append(fixed(np.array([n for _, n in static]), _PIECES))
             clear = np.array([distance for distance, _ in static]) - motion.tube - _ROUNDING
-            most.append((clear - motion.stopping(self._speed())) / motion.longest)
+            most.append(2.0 * self._share * (clear - motion.stopping(self._speed())))
         if unheard := len(self._names) - heard:
             around.append(everywhere(unheard, _PIECES, axes))
             most.append(np.zeros(unheard))

@@ -103,6 +103,14 @@ class Radio(Strict):
     """Most statements of others that a broadcast repeats."""
     gain: Positive | None = None
     """κ of own parts [1/s]; default: 1.2 / broadcast period, and at most 1/(e τ)."""
+    starts_known: bool = True
+    """Whether agents know where their peers are at t = 0; else they stand until they hear them."""
+    position_error: NonNegative = 0.0
+    """Bound on the error of an agent's own measured position [m]."""
+    speed_error: NonNegative = 0.0
+    """Likewise of its speed [m/s]."""
+    stamp_error: NonNegative = 0.0
+    """Bound on the error of the times that broadcasts state [s]."""
     belief: Literal["set", "newest", "carried-on"] = "set"
     """Where a peer is: anywhere that it can be since its newest broadcast; as that has it, as if it
     were now; or carried on from there by speed and input. The last two are to compare with."""

@@ -5,9 +5,11 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Protocol, cast
 
+import casadi as ca
 import numpy as np
 from msgspec.structs import replace
 
@@ -20,19 +22,23 @@ from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.rows.decision import Decision, finite_or_none
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.nearest_in_box import TOLERANCE
 from phalanx.theory.rows.origin import Origin
-from phalanx.theory.rows.pairs import pair_rows
+from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.safety_filter import Filtered, FilterInput, PairwiseFilter
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.function import Distance, Separation
 
 _PER_PERIOD = 1.2
 """κ times the time between two broadcasts, by default: with larger ones agents brake more often."""
+
+_OFF = 1e-4
+"""Distance kept from an obstacle's clearance [m]: nearer ones no certificate can prove."""
 
 
 class StatedState(ReceivedInput, Protocol):
@@ -65,7 +71,7 @@ class PeerKnowledge:
         start, still = swarm.start(), np.zeros(self.motions[i].axes)
         states = {l: start[self._parts[l]] for l in self.peers}
         self._newest = {l: HeardState(0.0, x, x, 0.0, still) for l, x in states.items()}
-        self._begun = False
+        self._begun, self._starts_known = False, radio.starts_known
         self.heard: Mapping[int, HeardState] = {}
         """Of each peer the newest state heard; if one is taken for the truth, as if of now."""
 
@@ -76,8 +82,8 @@ class PeerKnowledge:
 
         received: a StatedState of each peer that was heard. Returns x and the agents in it.
         """
-        if t > 0.0 and not self._begun:
-            self._newest = {}  # it has taken over from an agent that died, and knows nothing
+        if not (self._begun or (self._starts_known and t == 0.0)):
+            self._newest = {}  # so does one that has taken over from an agent that died
         self._begun, x = True, x.copy()
         self._newest |= {l: _heard(s) for l, s in received.items() if l in self._periods}
         believed = {l: self._believed(l, heard, t) for l, heard in self._newest.items()}
@@ -143,9 +149,20 @@ class RadioFilter:
         self._halves: PairwiseFilter | None = None
         if radio.rows == "halves":
             self._halves = PairwiseFilter(i, swarm.information(), rows.qp(i), self._terms)
+        else:
+            self._terms = _terms_of_limits(rows, i)
+        self._static = _static(swarm)
         others = {l: motions[l] for l in peers}
         gain = radio.gain or _gain(swarm, (i, *peers))
-        self._own_parts = OwnParts(motions[i], others, function.radius, gain)
+        self._own_parts = OwnParts(
+            motions[i],
+            others,
+            function.radius,
+            gain,
+            stamp_error=radio.stamp_error,
+            position_error=radio.position_error,
+            speed_error=radio.speed_error,
+        )
 
     @property
     def reference(self) -> Array | None:
@@ -160,13 +177,42 @@ class RadioFilter:
             halves = self._halves(replace(now, received=present))
             return replace(halves, used=[l for l in heard if l in now.received])
         whole = pair_rows(self._terms(now.x, [l for l in now.seen if l not in peers], ()), {})
-        result = self._own_parts(now.t, now.x[self._own], heard, now.u_nom, whole)
+        x = now.x[self._own]
+        result = self._own_parts(now.t, x, heard, now.u_nom, whole, self._static(x))
         residual = float((dot(whole.a, result.u) - whole.bound).max(initial=FAR))
         origin = Origin.BRAKE if result.braked else Origin.QP
         if residual > TOLERANCE:
             origin = Origin.BACKUP
         used = [l for l in heard if l in now.received]
         return Filtered(Decision(result.u, origin, finite_or_none(residual)), used, whole)
+
+
+def _terms_of_limits(rows: SafetyRows, i: int) -> OwnPairTerms:
+    """Return the terms of agent i's pairs with members, and of limits: obstacles are own parts."""
+    scenario = rows.swarm.scenario
+    counted = np.array([0.0] * len(scenario.obstacles) + [1.0] * len(scenario.limits))
+    row = partial(rows.row_function, i, rows.margin(i))
+    return OwnPairTerms(rows.swarm.pairs, i, row, lambda *_: (counted,))
+
+
+Static = Callable[[Array], list[tuple[float, Array]]]
+"""State (p, v) -> of each obstacle the distance to its clearance [m], and the way out of it."""
+
+
+def _static(swarm: Swarm) -> Static:
+    obstacles = swarm.scenario.obstacles
+    if not obstacles:
+        return lambda _: []
+    axes = swarm.groups[0].axes
+    p = ca.SX.sym("p", axes)
+    rows = [ca.vertcat(o.distance(p) - o.clearance - _OFF, o.away(p)) for o in obstacles]
+    evaluate = CompiledFunction([p], [ca.horzcat(*rows).T])
+
+    def static(x: Array) -> list[tuple[float, Array]]:
+        values = evaluate(x[:axes])[0].reshape(len(obstacles), -1)
+        return [(float(row[0]), row[1:]) for row in values]
+
+    return static
 
 
 def _gain(swarm: Swarm, agents: tuple[int, ...]) -> float:

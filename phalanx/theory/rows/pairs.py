@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from phalanx.theory.arrays import Array, Mask
-from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction, MappedRows
+from phalanx.theory.expressions.compiled import MappedFunction, MappedRows
 from phalanx.theory.expressions.exact import inner
 from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.models.polytope import constant_polytope
@@ -127,7 +127,7 @@ class OwnPairTerms:
         swarm: SwarmPairs,
         i: int,
         function: Callable[[int, RowPart], PairRowFunction],
-        near: CompiledFunction | None,
+        near: Callable[[Array, Array], Sequence[Array]] | None,
     ) -> None:
         """Prepare for normal agent i of the swarm.
 

@@ -201,3 +201,34 @@ def test_a_false_state_is_named_by_the_judge_and_the_same_when_judged_again(tmp_
     assert lied.summary.trajectory != honest.summary.trajectory
     again = lied.judge_again()
     assert (again.theorem, again.faults) == (lied.summary.theorem, lied.summary.faults)
+
+
+TWO = {
+    "agents.0.count": 2,
+    "agents.0.start": [[6.0, 0.2, 0.0, 0.0], [-6.0, 0.0, 0.0, 0.0]],
+    "agents.0.goal": [[-6.0, 0.0], [6.0, 0.0]],
+    "faults": [],
+}
+
+
+def test_an_obstacle_in_the_way_is_never_reached_whatever_the_law_wants():
+    obstacles = [
+        {"center": [1.0, 0.3], "clearance": 1.0},
+        {"center": [-1.5, -0.2], "size": [0.5, 1.0], "clearance": 0.5},
+    ]
+    scenario = phalanx.load("radio", {**TWO, "duration": 5.0, "obstacles": obstacles})
+    run = phalanx.run(scenario, engine="in-process")
+    assert run.verdict == phalanx.Outcome.GUARANTEED
+    swarm = run.metrics.filter(agent="swarm")
+    assert 0.0 < swarm["least_clearance"][0] < 0.05, "the law drives at them"
+
+
+def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers():
+    blind = {**TWO, "duration": 1.0, "network.loss": 0.0, "network.delay": 0.3}
+    speed = {}
+    for knows in True, False:
+        scenario = phalanx.load("radio", {**blind, "agents.0.radio.starts_known": knows})
+        states = phalanx.run(scenario, engine="in-process").states
+        speed[knows] = [states["1.vx"].abs().filter(states["t"] <= t).max() for t in (0.3, 1.0)]
+    assert speed[True][0] > 1.0
+    assert speed[False][0] == 0.0 < speed[False][1]
