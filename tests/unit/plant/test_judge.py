@@ -11,6 +11,7 @@ from phalanx_plant.world.events import (
     Event,
     InputApplied,
     InputLost,
+    MemberLost,
     Sampled,
     StateReached,
 )
@@ -46,14 +47,19 @@ def apply(
     t_apply: float | None = None,
     u: tuple[float, float] = (0.0, 0.0),
     **fields,
-) -> None:
+) -> Judged:
     """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s].
 
     fields: more of its report on it.
     """
     x, t_apply = rows_of_scenario("unicycles").swarm.start(), t if t_apply is None else t_apply
     telemetry = report(k, replace(STEP, origin=origin), ages=ages, **fields)
-    happen(judge, InputApplied(i, k, t, t_apply, np.array(u), x, telemetry=telemetry))
+    (judged,) = happen(judge, InputApplied(i, k, t, t_apply, np.array(u), x, telemetry=telemetry))
+    return judged
+
+
+def texts(*judged: Judged) -> list[str]:
+    return [line.text for each in judged for line in each.notices]
 
 
 def command(judge: Judge, kind: CommandKind, i: int, t: float = 0.0) -> None:
@@ -117,12 +123,40 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
 def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is():
     """Agent 2 tells agent 1 another input than it holds, and agent 3 the truth."""
     judge = judge_of()
-    apply(judge, 1, t=0.0, u=(1.0, 0.0))
-    for i, speed in ((0, -1.0), (2, 1.0)):
+    judged = [apply(judge, 1, t=0.0, u=(1.0, 0.0))]
+    for i, speed in ((0, -1.0), (2, 1.0), (0, -1.0)):
         fates = (DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.0, (speed, 0.0))),)
-        apply(judge, i, t=0.005, ages=((1, 0.005),), fates=fates)
-    assert counted(judge, "received inputs in force") == (1, 2, 0.005)
-    assert counted(judge, "truthful broadcasts") == (1, 2, 0.005)
+        judged.append(apply(judge, i, t=0.005, ages=((1, 0.005), (3, 0.001)), fates=fates))
+    assert texts(*judged) == ["agent 2: first false broadcast"]
+    assert [each.step.oldest_input for each in judged] == [None, 0.005, 0.005, 0.005]
+    assert counted(judge, "received inputs in force") == (5, 6, 0.005)
+    assert counted(judge, "truthful broadcasts") == (2, 3, 0.005)
+
+
+def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_counts_too():
+    judge = judge_of()
+    apply(judge, 0, rejected=2)
+    kill, restart = (
+        CommandApplied(Command(t, kind, "1", fault=4), 0, forgotten)
+        for t, kind, forgotten in (
+            (0.1, CommandKind.KILL, (1, 3)), (0.2, CommandKind.RESTART, ()),
+        )
+    )  # fmt: skip
+    assert texts(*happen(judge, kill, restart)) == [
+        "agent 1 killed; lost with it: the inputs received of 2, 4",
+        "agent 1 restarted, with nothing received",
+    ]
+    apply(judge, 0, k=1, t=0.2, rejected=3)
+    assert judge.claims.faults == {4: 1}
+    assert judge.findings().rejected == {"by agent 1": 5}
+
+
+def test_an_agent_that_is_out_of_reach_is_silent_until_it_is_back():
+    judge = judge_of()
+    judged = happen(judge, MemberLost(0, 0.1, back=False), MemberLost(0, 0.2, back=True))
+    lost, back = "agent 1 is lost; its actuator holds its input", "agent 1 is back"
+    assert texts(*judged) == [lost, back]
+    assert counted(judge, "faithful agents") == (1, 1, 0.1)
 
 
 CONVICTED = {"convictions": (Conviction(1, 0.0, 0.01, 2.0),)}
@@ -292,6 +326,9 @@ def test_an_input_that_is_lost_did_not_come_in_time():
     assert "inputs in time" not in [a.name for a in judge.assumptions.of_guarantee]
     happen(judge, InputLost(0, 3, 0.03, 0.032, np.zeros(2), report(3)))
     assert counted(judge, "inputs in time") == (1, 1, 0.032)
+    fates = (DeliveryReport(0, 3, 0.0, (), AnnouncedInput(0.03, (0.0, 0.0))),)
+    apply(judge, 1, t=0.04, fates=fates)
+    assert counted(judge, "truthful broadcasts") == (1, 1, 0.04), "it was never held"
     for rests_on in (judge.assumptions.of_guarantee, judge.assumptions.of_theorem):
         assert "inputs in time" in [a.name for a in rests_on]
 
