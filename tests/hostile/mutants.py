@@ -203,7 +203,7 @@ MUTANTS = (
            "[self._start_kept, self._gap, self._disturbance]", "[self._start_kept, self._gap]",
            _TEST_JUDGE),
     Mutant("a theorem that believes broadcasts", _ASSUMED,
-           "self._fresh, self._claims.truthful]", "self._fresh]", _TEST_JUDGE),
+           "[self._claims.truthful] if", "[] if", _TEST_JUDGE),
     Mutant("a lie whose time is right", _ASSUMED,
            "held and not self._claims.misled(event.i, other, t - age)", "held", _TEST_JUDGE),
     Mutant("what an adversary says of others", _JUDGE,

@@ -44,13 +44,6 @@ def counted(draw, most=400):
     return draw(st.integers(0, runs)), runs
 
 
-@pytest.mark.parametrize("rate", [0.0, 0.002, 0.03, 0.3, 0.5, 0.97, 1.0])
-@pytest.mark.parametrize("runs", [5, 100, 1000])
-def test_the_interval_covers_at_a_fixed_number_of_runs(rate, runs):
-    successes = (draws(runs) < rate).sum(axis=1)
-    assert misses(clopper_pearson(successes, runs), rate).sum() <= most_misses()
-
-
 @given(counted(), LEVELS)
 def test_it_is_the_exact_interval_of_scipy(k_of_n, level):
     k, n = k_of_n
