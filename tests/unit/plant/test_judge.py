@@ -368,7 +368,7 @@ def test_a_silent_or_deceived_agent_counts_if_it_is_normal():
     judge, adversary = judge_of(), 4
     for i in (0, adversary):
         happen(judge, Sampled(i, 0.01 * i, truthful=False))
-        command(judge, CommandKind.FREEZE, i, 0.1)
+        command(judge, CommandKind.FREEZE, i, 0.1 + 0.01 * i)
     assert counted(judge, "truthful sensors") == (1, 1, 0.0)
     assert counted(judge, "faithful agents") == (1, 1, 0.1)
 
@@ -411,6 +411,9 @@ def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
     certificates, summary = coverage.assumption, coverage.summary
     assert (certificates.failed, certificates.checked, certificates.first) == (2, 3, 1.25)
     assert summary.uncovered_at == 1.0
+    coverage.ends[3] = 9.0
+    coverage.reached(1.5)
+    assert (coverage.least[0], coverage.least[3]) == (0.5, -0.5), "the least that was left"
 
 
 @pytest.mark.slow
