@@ -19,7 +19,7 @@ from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytop
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
-_ROUNDS = 5
+_ROUNDS = 8
 _STEP = 1e-5
 """Of the difference quotients of own parts, relative to the authority."""
 _INSIDE = 1e-3
