@@ -130,6 +130,17 @@ def test_a_wish_that_spends_too_much_gives_way_and_the_peer_is_named():
     assert result.binding == 7
 
 
+def test_no_more_than_one_over_e_tau_is_spent_however_large_kappa_is():
+    known, x = {1: heard([1.4, 0.0, 0.0, 0.0])}, np.array([0.0, 0.0, 0.2, 0.0])
+    motions = PLANE, {1: replace(PLANE, longest=0.1)}
+    inputs = [
+        OwnParts(*motions, RADIUS, kappa)(0.0, x, known, np.array([4.0, 0.0])).u[0]
+        for kappa in (1.0 / (np.e * 0.1), 50.0, 1.0)
+    ]
+    assert inputs[0] == pytest.approx(inputs[1], abs=1e-9)
+    assert inputs[2] < inputs[1] < 4.0
+
+
 def test_a_peer_that_was_heard_long_ago_makes_an_agent_brake():
     parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
     x = np.array([0.0, 0.0, 1.0, 0.0])
@@ -160,6 +171,7 @@ def test_a_whole_row_that_own_parts_forbid_is_violated_least_inside_them():
     assert result.u[0] == pytest.approx(most.u[0], abs=0.02)
 
 
+@pytest.mark.slow
 def test_an_obstacle_is_never_reached():
     parts = OwnParts(DRAG, {}, RADIUS, 3.5)
     rng, x = np.random.default_rng(1), np.array([-3.0, 0.2, 2.0, 0.0])

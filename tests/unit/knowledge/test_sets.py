@@ -13,7 +13,7 @@ AWAY = 1e-9
 @pytest.mark.parametrize("kind", ["random", "bang-bang"])
 def test_a_set_contains_the_peer_whatever_its_inputs_were(kind):
     rng = np.random.default_rng(1)
-    for _ in range(300):
+    for _ in range(150):
         motion, age = draw_motion(rng), float(rng.uniform(0.0, 2.0))
         z = rng.normal(size=2 * motion.axes)
         low, high = enclosed(z, age, motion)
@@ -29,9 +29,10 @@ def test_one_input_reaches_the_far_end_of_place_and_speed():
     np.testing.assert_allclose(high[0], there)
 
 
+@pytest.mark.slow
 def test_a_set_contains_the_peer_whatever_the_error_of_the_stamp():
     rng = np.random.default_rng(3)
-    for _ in range(300):
+    for _ in range(150):
         motion, error = draw_motion(rng), 0.1
         z, age = 3.0 * rng.normal(size=2 * motion.axes), float(rng.uniform(0.0, 1.0))
         low, high = enclosed(z, age, motion, stamp_error=error)
@@ -41,9 +42,10 @@ def test_a_set_contains_the_peer_whatever_the_error_of_the_stamp():
         assert (there <= high[0] + AWAY).all()
 
 
+@pytest.mark.slow
 def test_a_gap_by_a_set_is_never_above_the_true_one():
     rng, closest = np.random.default_rng(4), np.inf
-    for _ in range(300):
+    for _ in range(150):
         motion, age = draw_motion(rng), float(rng.uniform(0.0, 1.0))
         z, own = rng.normal(size=(2, 2 * motion.axes))
         own[: motion.axes] *= 6.0
@@ -62,7 +64,7 @@ def test_a_gap_by_a_set_is_never_above_the_true_one():
 
 def test_what_happens_until_a_time_is_within_the_swept_box():
     rng = np.random.default_rng(5)
-    for _ in range(200):
+    for _ in range(100):
         motion, time = draw_motion(rng), float(rng.uniform(0.0, 1.0))
         z = rng.normal(size=2 * motion.axes)
         swept = Boxes(z[None], z[None]).within(np.array([time]), stacked([motion]))

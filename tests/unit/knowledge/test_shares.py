@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.own_parts import OwnParts
-from phalanx.knowledge.sets import HeardState
+from phalanx.knowledge.sets import HeardState, enclosures
+from phalanx.knowledge.shares import Hold, Shares, after
 from tests.unit.knowledge.adverse import enclosed, gap
 from tests.unit.knowledge.swarms import RADIUS, Radio, cross, keep_right, rush
 
@@ -79,14 +81,14 @@ def test_of_a_gap_between_agents_at_rest_a_share_by_age_is_left():
     ids=["its input applies later", "it started in motion"],
 )
 def test_a_peer_that_may_act_on_an_older_gap_has_no_share(state):
-    claim, by_set = gap_at(state, samples=20)
+    claim, by_set = gap_at(state, samples=24)
     assert claim == pytest.approx(by_set, abs=1e-6)
 
 
 def test_after_a_restart_there_is_no_share_of_what_was_heard_before():
     state = heard([3.0, 0.0, 0.0, 0.0], 0.3)
     parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
-    for t in (0.56, 0.6):
+    for t in (0.86, 0.9):
         claim = parts(t, np.zeros(4), {1: state}, np.zeros(2)).gaps[1]
         box = enclosed(state.z, t - 0.3, PLANE)
         by_set = gap_by_set(np.zeros(4), (box.low[0], box.high[0], 0.0), PLANE)
@@ -96,9 +98,44 @@ def test_after_a_restart_there_is_no_share_of_what_was_heard_before():
 def test_an_agent_that_is_not_where_its_input_leads_has_no_share():
     state = heard([3.0, 0.0, 0.0, 0.0], 0.3)
     parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
-    for t in np.arange(0.2, 0.6, 0.04):
-        x = np.array([0.01 * (t > 0.5), 0.0, 0.0, 0.0])
+    for t in np.arange(0.2, 0.96, 0.04):
+        x = np.array([0.01 * (t > 0.9), 0.0, 0.0, 0.0])
         claim = parts(t, x, {1: state}, np.zeros(2)).gaps[1]
     box = enclosed(state.z, t - 0.3, PLANE)
     by_set = gap_by_set(x, (box.low[0], box.high[0], 0.0), PLANE)
     assert claim == pytest.approx(by_set, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_an_agent_that_backs_off_and_comes_back_counts_what_its_peer_used_meanwhile():
+    motions, x = {0: PLANE, 1: PLANE}, np.array([[0.0, 0.0, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0]])
+    parts = [OwnParts(PLANE, {1 - i: motions[1 - i]}, RADIUS, 3.5) for i in range(2)]
+    state, left = heard(x[1], 0.0), []
+    for sample in range(50):
+        t = 0.05 * sample
+        back = -4.0 if t < 0.5 else 4.0 if t < 1.5 else -4.0
+        mine = parts[0](t, x[0], {1: state}, np.array([back if t < 2.0 else 0.0, 0.0]))
+        rushing = parts[1](t, x[1], {0: heard(x[0], t)}, np.array([-4.0, 0.0]))
+        left.append(gap(x[0], x[1], PLANE, PLANE, RADIUS) - mine.gaps[1])
+        inputs = np.array([mine.u, rushing.u])
+        x = moved(x, inputs, held(np.array([0.0]), np.array([0.05])))
+    assert min(left) >= 0.0
+
+
+def test_a_share_of_a_peer_that_rests_falls_by_no_less_than_the_way_closed_in():
+    rng, tightest = np.random.default_rng(4), np.inf
+    for _ in range(40):
+        drag = float(rng.choice([0.0, 0.6]))
+        motion = PointMotion(2, 4.0, drag, 0.0, longest=0.05, shortest=0.02)
+        shares = Shares(motion, RADIUS, share=0.0, stamp_error=0.0, enclose=enclosures)
+        z, t = np.concatenate([np.zeros(2), rng.normal(size=2)]), 0.0
+        state = heard([2.0 + 2.0 * rng.random(), rng.normal(), 0.0, 0.0], 0.01)
+        for _ in range(5):
+            u, end = rng.choice([-4.0, 4.0], 2), t + float(rng.uniform(0.02, 0.05))
+            shares.remember(Hold(t, z, u, end))
+            z, t = after(Hold(t, z, u, end), end, drag), end
+        claim = shares.gaps(t, z, [state], stacked([motion]))[0]
+        true = gap(z, state.z, motion, motion, RADIUS)
+        assert claim <= true
+        tightest = min(tightest, true - claim)
+    assert tightest < 0.01

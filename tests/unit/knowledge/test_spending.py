@@ -1,6 +1,7 @@
 """Cones and own parts: over a whole hold no input spends more than the test says."""
 
 import numpy as np
+import pytest
 
 from phalanx.knowledge.cones import Own, cones
 from phalanx.knowledge.held import held, moved
@@ -36,6 +37,7 @@ def draw_pair(rng):
     return motion, own, boxes, peer
 
 
+@pytest.mark.slow
 def test_no_instant_of_a_hold_spends_more_than_the_test_says():
     rng, tightest = np.random.default_rng(1), np.inf
     for _ in range(400):
@@ -57,6 +59,7 @@ def test_no_instant_of_a_hold_spends_more_than_the_test_says():
     assert tightest < 0.05
 
 
+@pytest.mark.slow
 def test_the_direction_to_a_peer_stays_in_its_cone_throughout_each_piece():
     rng, narrow = np.random.default_rng(2), 0
     for _ in range(300):
@@ -76,6 +79,7 @@ def test_the_direction_to_a_peer_stays_in_its_cone_throughout_each_piece():
     assert narrow > 100
 
 
+@pytest.mark.slow
 def test_the_brake_spends_nothing_in_any_direction_and_needs_no_more_than_the_authority():
     rng = np.random.default_rng(3)
     for _ in range(500):
@@ -90,6 +94,7 @@ def test_the_brake_spends_nothing_in_any_direction_and_needs_no_more_than_the_au
         assert own_parts(motion, v, u, closing, times)[:-1].max() <= 1e-9 * (1.0 + np.abs(v).max())
 
 
+@pytest.mark.slow
 def test_the_brake_ends_at_rest_within_the_stopping_distance():
     rng = np.random.default_rng(4)
     for _ in range(10):

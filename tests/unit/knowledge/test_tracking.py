@@ -49,6 +49,7 @@ def draw_gaps(motion: PointMotion, kind: str, rng: np.random.Generator) -> np.nd
     return np.full(120, motion.longest if kind == "long" else motion.shortest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", CASES.values(), ids=CASES)
 def test_no_disturbance_leads_out_of_the_tube_whatever_the_gaps(motion):
     rng, closest, tracked = np.random.default_rng(1), 0.0, motion.tracking
