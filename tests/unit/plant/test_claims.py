@@ -93,4 +93,5 @@ def test_who_heard_a_false_claim_was_misled_from_the_time_that_it_names():
         checked.check(receiver, DeliveryReport(1, 3, 0.0, (), claim), 0.04)
     # As ages are reported, and times are sums of periods.
     assert [checked.misled(i, 1, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
+    assert all(checked.misled(0, 1, LIE.t_apply + off) for off in (-1e-9, 1e-9))
     assert not checked.misled(0, 1, LIE.t_apply - 0.01)
