@@ -439,6 +439,7 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
 
     see([0.0, 0.1], [-3.0, 0.0])
     assert counted(judge, "stayed in S_I") == (0, 2, None)
+    assert "largest" not in assumption(judge, "stayed in S_I").note
     see([0.2, 0.3, 0.4, 0.5], [0.5, 0.75, 0.625, -1.0])
     assert counted(judge, "stayed in S_I") == (3, 6, 0.2)
     assert "the largest was 0.75, at t = 0.300 s" in assumption(judge, "stayed in S_I").note
