@@ -13,6 +13,7 @@ would not be sound.) Without memory of t_s there is no share. A peer that lies v
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 from math import inf
 from typing import NamedTuple
@@ -27,6 +28,8 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
 
 _MOST_HOLDS = 1000
+_LEAST_REST = 1e-3
+"""E below which a share is not worth its sums."""
 _PARTS = np.array([0.0, 0.5, 1.0])
 """Ends of a past hold's pieces."""
 
@@ -110,7 +113,12 @@ class Shares:
             motions: of the peers.
         """
         axes = self._motion.axes
-        pasts = [self._past(state, t, z) for state in states]
+        ages = [max(0.0, t - state.t) + self._stamp_error for state in states]
+        rests = list(map(partial(_rest, self._share), motions.longest.tolist(), ages))
+        pasts = [
+            self._past(state, t, z) if rest > _LEAST_REST else None
+            for state, rest in zip(states, rests, strict=True)
+        ]
         closings = self._closings(pasts, states, motions)
         others = motions.tube + motions.stopping(length(np.array([s.z for s in states])[:, axes:]))
         gaps = np.full(len(states), -np.inf)
@@ -118,10 +126,8 @@ class Shares:
             if past is None:
                 continue
             apart = length((past.z - state.z)[:axes]) - self._radius - self._motion.tube - others[n]
-            age = max(0.0, t - state.t) + self._stamp_error
-            rest = _rest(self._share, float(motions.longest[n]), age)
             since = islice(closings, len(past.holds))
-            gaps[n] = self._left(float(apart), rest, _speed(past.z), _speed(z), since)
+            gaps[n] = self._left(float(apart), rests[n], _speed(past.z), _speed(z), since)
         return gaps
 
     def _left(

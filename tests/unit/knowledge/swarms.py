@@ -77,8 +77,9 @@ def keep_right(speed: float) -> Callable:
 
 def rush(x, goal, centres):
     """A law that goes for the nearest peer, at full acceleration."""
-    nearest = min(centres, key=lambda centre: np.hypot(*(centre[:2] - x[:2])), default=goal)
-    return 4.0 * np.sign(nearest[:2] - x[:2])
+    axes = len(goal)
+    ways = [centre[:axes] - x[:axes] for centre in centres]
+    return 4.0 * np.sign(min(ways, key=np.linalg.norm))
 
 
 def cross(
@@ -96,24 +97,24 @@ def cross(
     observe: Callable | None = None,
     **options,
 ) -> Crossing:
-    """Let agents on a circle swap places with those across, in two dimensions.
+    """Let agents on a circle swap places with those across; in space not all at one height.
 
     Args:
-        push: (member's state, number, time) -> φ of the rates, shape (4,), for one step.
+        push: (member's state, number, time) -> φ of the rates, shape (2 axes,), for one step.
         measure: what an agent takes its true state for.
         observe: called at each sample with (time, number, members, input).
     """
     rng = np.random.default_rng(seed)
     angles = 2 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
-    places = circle * np.column_stack([np.cos(angles), np.sin(angles)])
-    law, members = law or keep_right(3.0), []
-    for i, place in enumerate(places):
+    places = circle * np.column_stack([np.cos(angles), np.sin(angles), np.sin(2.0 * angles)])
+    axes, law, members = motion.axes, law or keep_right(3.0), []
+    for i, place in enumerate(places[:, :axes]):
         others = {l: motion for l in range(count) if l != i}
-        x = np.concatenate([place, np.zeros(2)])
+        x = np.concatenate([place, np.zeros(axes)])
         parts = OwnParts(motion, others, RADIUS, kappa, start=x, **options)
         first = float(rng.uniform(0.0, motion.longest))
-        members.append(Member(x, -place, parts, motion, np.zeros(2), first))
-    starts = [HeardState(0.0, m.x, m.x, 0.0, np.zeros(2)) for m in members]
+        members.append(Member(x, -place, parts, motion, np.zeros(axes), first))
+    starts = [HeardState(0.0, m.x, m.x, 0.0, np.zeros(axes)) for m in members]
     for i, member in enumerate(members):
         member.heard = {l: start for l, start in enumerate(starts) if l != i}
     messages: list[tuple[float, int, dict[int, HeardState]]] = []
@@ -124,13 +125,13 @@ def cross(
         while t < until:
             step = min(STEP, until - t)
             for i, member in enumerate(members):
-                phi = np.zeros(4) if push is None else push(member, i, t)
+                phi = np.zeros(2 * axes) if push is None else push(member, i, t)
                 factors = held(np.array([motion.drag]), np.array([step]))
-                member.x = moved(member.x, member.u + phi[2:], factors)
-                member.x[:2] += step * phi[:2]
+                member.x = moved(member.x, member.u + phi[axes:], factors)
+                member.x[:axes] += step * phi[:axes]
             t = until if step < STEP else t + step
-            p = np.array([member.x[:2] for member in members])
-            apart = np.hypot(*(p[:, None] - p[None]).transpose(2, 0, 1))
+            p = np.array([member.x[:axes] for member in members])
+            apart = np.linalg.norm(p[:, None] - p[None], axis=2)
             least = min(least, (apart + 1e9 * np.eye(count)).min() - RADIUS)
         member = members[due]
         for arrival in [m for m in messages if m[0] <= t]:
@@ -142,7 +143,7 @@ def cross(
         centres = []
         for state in member.heard.values():
             age = np.array([t - state.t])
-            centres.append(moved(state.x, np.zeros(2), held(np.array([motion.drag]), age)))
+            centres.append(moved(state.x, np.zeros(axes), held(np.array([motion.drag]), age)))
         x = member.x if measure is None else measure(member.x)
         wish = law(x, member.goal, centres)
         result = member.parts(t, x, member.heard, wish)
@@ -159,7 +160,7 @@ def cross(
                     messages.append((t + float(rng.uniform(0.5, 1.0)) * radio.delay, i, said))
         member.samples += 1
         member.next_sample = t + float(rng.uniform(motion.shortest, motion.longest))
-        arrived = sum(np.hypot(*(m.x[:2] - m.goal)) < 0.3 for m in members)
+        arrived = sum(np.linalg.norm(m.x[:axes] - m.goal) < 0.3 for m in members)
         if arrived == count:
             break
     return Crossing(least, arrived, t, brakes / max(samples, 1))

@@ -16,6 +16,7 @@ from tests.unit.knowledge.swarms import RADIUS, Radio, cross, rush
 
 PLANE = PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02)
 DRAG = PointMotion(2, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
+SPACE = PointMotion(3, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
 DISTURBED = PointMotion(2, 4.0, 0.3, 0.1, longest=0.05, shortest=0.02)
 MEASURED = replace(DISTURBED, disturbance=0.05, position_error=0.02, speed_error=0.02)
 
@@ -31,6 +32,7 @@ def heard(x, t=0.0) -> HeardState:
     [
         pytest.param(PLANE, Radio(0.9), id="loss .9"),
         pytest.param(DRAG, Radio(0.3, every=5, partition=(0.8, 2.0)), id="a partition, drag"),
+        pytest.param(SPACE, Radio(0.5, every=3), id="in space", marks=pytest.mark.nightly),
         pytest.param(DRAG, Radio(0.9), id="loss .9, drag", marks=pytest.mark.nightly),
         pytest.param(PLANE, Radio(), id="no loss", marks=pytest.mark.nightly),
         pytest.param(PLANE, Radio(0.3, every=5), id="loss .3", marks=pytest.mark.nightly),
@@ -44,7 +46,8 @@ def test_agents_that_cross_stay_apart_at_any_loss_and_no_gap_used_is_above_the_t
             true = gap(members[i].x, members[l].x, motion, motion, RADIUS)
             above.append(claim - true)
 
-    end = cross(5, radio, 1, motion=motion, circle=3.5, duration=3.0, observe=compare)
+    law = rush if motion is SPACE else None
+    end = cross(5, radio, 1, motion=motion, law=law, circle=3.5, duration=3.0, observe=compare)
     assert end.least > 0.0
     assert max(above) <= 0.0
 
