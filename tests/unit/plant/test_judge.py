@@ -146,9 +146,9 @@ def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_co
         "agent 1 killed; lost with it: the inputs received of 2, 4",
         "agent 1 restarted, with nothing received",
     ]
-    apply(judge, 0, k=1, t=0.2, rejected=3)
+    apply(judge, 0, k=1, t=0.2, rejected=2)
     assert judge.claims.faults == {4: 1}
-    assert judge.findings().rejected == {"by agent 1": 5}
+    assert judge.findings().rejected == {"by agent 1": 4}
 
 
 def test_an_agent_that_is_out_of_reach_is_silent_until_it_is_back():
