@@ -67,7 +67,7 @@ class InputChoice:
         """
         cuts, binding = Rows(np.empty((0, len(wish))), np.empty(0)), -1
         u = self._inside(wish, cuts, whole)
-        if u is None:
+        if u is None or not np.isfinite(u).all():
             return Chosen(self._motion.brake(v), True, None)
         if limits is None:
             return Chosen(u, False, None)
@@ -75,7 +75,7 @@ class InputChoice:
             around = np.concatenate([u[None], u + self._steps])
             values = self._pieces.spending(v, around, limits.cones)
             excess = values[0] - limits.most
-            if not (excess > 0.0).any():
+            if (excess <= 0.0).all():
                 return Chosen(u, False, binding if binding >= 0 else None)
             binding = int(excess.argmax())
             cuts = _joined(cuts, self._tangents(u, values, excess))
@@ -116,7 +116,8 @@ class InputChoice:
             width /= len(_MOVES)
             if passing.size:
                 share = float(moves[passing[-1]])
-        return Chosen(brake + share * (u - brake), share == 0.0, binding)
+        u = brake + share * (u - brake) if share > 0.0 else brake
+        return Chosen(u, share == 0.0, binding)
 
 
 def _joined(rows: Rows, more: Rows) -> Rows:

@@ -168,12 +168,12 @@ class OwnParts:
         own = self._radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
         gaps = boxes.distance(p) - own - motions.tube - motions.stopping(boxes.speed())
         most = self._motion.rate(speed, self._motion.longest) / self._share
-        near = np.flatnonzero(gaps < most)
+        near = np.flatnonzero(~(gaps >= most))  # so is a gap that is not a number
         if near.size:
             some = [states[n] for n in near.tolist()]
             shares = self._shares.gaps(t, self.reference, some, motions.of(near)) - _ROUNDING
             gaps[near] = np.maximum(gaps[near], shares)
-        return gaps, near[gaps[near] < most]
+        return gaps, near[~(gaps[near] >= most)]
 
     def _limits(
         self,

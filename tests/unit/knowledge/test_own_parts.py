@@ -152,6 +152,20 @@ def test_a_peer_that_was_heard_long_ago_makes_an_agent_brake():
     assert result.u[0] <= -3.0
 
 
+def test_what_is_not_a_number_makes_an_agent_brake():
+    x, wish = np.array([0.0, 0.0, 1.0, 0.0]), np.array([4.0, 0.0])
+    far = {1: heard([90.0, 0.0, 0.0, 0.0]), 2: heard([-90.0, 0.0, 0.0, 0.0])}
+    for known, wished in [
+        ({**far, 2: heard([np.nan, 0.0, 0.0, 0.0])}, wish),
+        ({**far, 1: heard([90.0, 0.0, np.nan, 0.0])}, wish),
+        (far, np.array([np.nan, 0.0])),
+    ]:
+        parts = OwnParts(PLANE, {1: PLANE, 2: PLANE}, RADIUS, 3.5)
+        result = parts(0.0, x, known, wished)
+        assert result.braked
+        np.testing.assert_array_equal(result.u, PLANE.brake(x[2:]))
+
+
 def test_whole_rows_are_kept_where_own_parts_allow():
     parts = OwnParts(PLANE, {1: PLANE}, RADIUS, 3.5)
     known = {1: heard([2.0, 0.0, 0.0, 0.0])}
