@@ -153,7 +153,7 @@ class RadioFilter:
             self._terms = _terms_of_limits(rows, i)
         self._static = _static(swarm)
         others = {l: motions[l] for l in peers}
-        gain = radio.gain or _gain(swarm, (i, *peers))
+        gain = _gain(swarm, (i, *peers))
         self._own_parts = OwnParts(
             motions[i],
             others,
@@ -216,7 +216,9 @@ def _static(swarm: Swarm) -> Static:
 
 
 def _gain(swarm: Swarm, agents: tuple[int, ...]) -> float:
-    """Return κ [1/s], which is one for all, as broadcasts of an agent and its peers come."""
+    """Return κ [1/s] of an agent and its peers; one for all, or halves of a gap do not add up."""
     radios = [(swarm.groups[l].radio, swarm.groups[l].clock.period) for l in agents]
+    if given := [radio.gain for radio, _ in radios if radio and radio.gain]:
+        return min(given)
     between = max(radio.every * period for radio, period in radios if radio)
     return min(_PER_PERIOD / between, 1.0 / (math.e * max(map(swarm.horizon, agents))))

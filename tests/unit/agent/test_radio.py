@@ -16,7 +16,8 @@ from phalanx.network.inbox import BroadcastInbox, Statement
 from phalanx.network.link import Link
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
-from phalanx.swarm.radio import PeerKnowledge
+from phalanx.swarm.radio import PeerKnowledge, _gain
+from phalanx.swarm.swarm import build_swarm
 from tests.unit.network.models import model
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
@@ -232,3 +233,19 @@ def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers
         speed[knows] = [states["1.vx"].abs().filter(states["t"] <= t).max() for t in (0.3, 1.0)]
     assert speed[True][0] > 1.0
     assert speed[False][0] == 0.0 < speed[False][1]
+
+
+def test_the_gain_is_one_for_all_the_least_that_a_group_has_or_by_the_rarest_broadcasts():
+    swarm = swarm_of_scenario("radio")
+    assert _gain(swarm, EVERYBODY) == pytest.approx(1.2 / 0.35)
+    table = swarm.scenario.model_dump(mode="json", exclude_none=True, by_alias=True)
+    group = table["agents"][0]
+    parts = [
+        {**group, **{f: group[f][some] for f in ("names", "start", "goal")}, "radio": radio}
+        for some, radio in (
+            (slice(6), {"gain": 2.0}),
+            (slice(6, 8), {"gain": 3.0, "every": 40}),
+        )
+    ]
+    of_two_groups = build_swarm(load({**table, "agents": parts}))
+    assert {_gain(of_two_groups, agents) for agents in (EVERYBODY, (7, *range(7)))} == {2.0}
