@@ -102,8 +102,10 @@ def try_block(counts: list[Count], rng: np.random.Generator) -> None:
     step = motion.longest / INSTANTS
     here = own
     for instant in range(INSTANTS):
-        there = moved(there, inputs[instant], held(peers.motions.drag, np.full((BLOCK, 1), step)))
-        here = moved(here, u, held(np.array([motion.drag]), np.array([step])))
+        # In the middle of each part: where a brake ends at rest, L has no derivative.
+        time = step * (0.5 if instant == 0 else 1.0)
+        there = moved(there, inputs[instant], held(peers.motions.drag, np.full((BLOCK, 1), time)))
+        here = moved(here, u, held(np.array([motion.drag]), np.array([time])))
         n = here[:axes] - there[:, :axes]
         n /= np.linalg.norm(n, axis=1)[:, None]
         largest = np.maximum(largest, own_part(motion, here[axes:], u, n))

@@ -46,7 +46,9 @@ class HoldPieces:
         # v·v(k)' and d‖v‖/dk at the pieces' ends; at rest the speed rises with ‖c‖.
         inner = dot(c, v)[:, None] + c_size * c_size * k
         with np.errstate(divide="ignore", invalid="ignore"):
-            faster = np.where(speed > 0.0, np.minimum(inner / speed, c_size), c_size)
+            faster = np.where(speed > 0.0, inner / speed, c_size)
+        # Near rest the quotient is rounding alone; no speed changes faster than by ‖c‖.
+        faster = np.minimum(np.maximum(faster, -c_size), c_size)
         growth = (inner / motion.authority + motion.longest * faster)[:, 1:]
         growth = growth * np.where(growth > 0.0, rate[:-1], rate[1:])
         ends = np.stack([path[:, :-1], path[:, 1:]])[:, :, None]

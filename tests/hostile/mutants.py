@@ -323,6 +323,8 @@ MUTANTS = (
     Mutant("an own part at the begin of a piece", f"{_KNOWLEDGE}/spending.py",
            "motion.longest * faster)[:, 1:]", "motion.longest * faster)[:, :-1]",
            f"{_TEST_KNOWLEDGE}/test_spending.py"),
+    Mutant("a quotient near rest", f"{_KNOWLEDGE}/spending.py",
+           "np.maximum(faster, -c_size)", "faster", f"{_TEST_KNOWLEDGE}/test_spending.py"),
     Mutant("closing in at one end of a piece", f"{_KNOWLEDGE}/spending.py",
            "[path[:, :-1], path[:, 1:]]", "[path[:, :-1], path[:, :-1]]",
            f"{_TEST_KNOWLEDGE}/test_spending.py"),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from phalanx.knowledge.cones import Own, cones
+from phalanx.knowledge.cones import Own, cones, fixed
 from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import stacked
+from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.sets import Boxes
 from phalanx.knowledge.spending import HoldPieces
 from tests.unit.knowledge.adverse import draw_inputs, draw_motion, enclosed, path
@@ -57,6 +57,18 @@ def test_no_instant_of_a_hold_spends_more_than_the_test_says():
         assert true <= claim + AWAY
         tightest = min(tightest, claim - true)
     assert tightest < 0.05
+
+
+@pytest.mark.slow
+def test_an_input_that_ends_at_rest_spends_no_more_than_the_test_says_until_it_does():
+    rng, motion = np.random.default_rng(6), PointMotion(2, 5.4, 0.3, 0.0, 0.05, 0.03)
+    times, hold = (np.arange(FINE) + 0.5) * motion.longest / FINE, HoldPieces(motion, 4)
+    for _ in range(1500):
+        v = rng.normal(size=2)
+        v *= 0.9 * motion.authority * motion.longest * rng.random() / np.linalg.norm(v)
+        u, away = motion.brake(v), v / np.linalg.norm(v)
+        true = own_parts(motion, v, u, np.tile(away, (FINE, 1)), times).max()
+        assert true <= hold.spending(v, u[None], fixed(away[None], 4))[0, 0] + AWAY
 
 
 @pytest.mark.slow
