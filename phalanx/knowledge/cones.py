@@ -71,19 +71,19 @@ def cones(own: Own, peers: Boxes, motions: Motions, times: Array) -> Cones:
     relative = (own.v - middle[:, axes:])[:, None]
     # Of the inputs, and of the drag, which shortens a way v t by at most ½ β v t².
     change = own.authority + motions.authority + own.drag * np.abs(own.v) + motions.drag * fastest
-    place = (own.p - middle[:, :axes])[:, None] + relative * (0.5 * (begin + end))
+    centre = (own.p - middle[:, :axes])[:, None] + relative * (0.5 * (begin + end))
     spread = half[:, None, :axes] + half[:, None, axes:] * end
     spread = spread + np.abs(relative) * (0.5 * (end - begin))
     spread = spread + change[:, None] * (0.5 * end * end)
-    return _around(place, spread)
+    return _around(centre, spread)
 
 
-def _around(place: Array, spread: Array) -> Cones:
+def _around(centre: Array, spread: Array) -> Cones:
     """The cones of boxes with these centres and half widths, shapes (n, m, axes)."""
-    signs = np.array(list(product((-1.0, 1.0), repeat=place.shape[-1])))
-    corners = place[..., None, :] + signs * spread[..., None, :]
+    signs = np.array(list(product((-1.0, 1.0), repeat=centre.shape[-1])))
+    corners = centre[..., None, :] + signs * spread[..., None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
-        axis = place / length(place)[..., None]
+        axis = centre / length(centre)[..., None]
         cosines = dot(corners, axis[..., None, :]) / length(corners)
     cos = np.minimum.reduce(cosines, axis=-1) - _ROUNDING
     narrow = cos > 0.0  # not where the agent may be in the box

@@ -165,8 +165,8 @@ class OwnParts:
         Shares are counted only where the set leaves so little that an own part may be too large.
         """
         p, speed = self.reference[: self._motion.axes], self._speed()
-        own = self._radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
-        gaps = boxes.distance(p) - own - motions.tube - motions.stopping(boxes.speed())
+        way = self._radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
+        gaps = boxes.distance(p) - way - motions.tube - motions.stopping(boxes.speed())
         most = self._motion.rate(speed, self._motion.longest) / self._share
         near = np.flatnonzero(~(gaps >= most))  # so is a gap that is not a number
         if near.size:
@@ -186,8 +186,8 @@ class OwnParts:
         """Cones and own parts of near peers, then of obstacles, then of peers never heard."""
         motion, axes, around, most = self._motion, self._motion.axes, list[Cones](), list[Array]()
         if len(gaps):
-            own = Own(self.reference[:axes], self.reference[axes:], motion.drag, motion.authority)
-            around.append(cones(own, boxes, motions, self._pieces.times))
+            begin = Own(self.reference[:axes], self.reference[axes:], motion.drag, motion.authority)
+            around.append(cones(begin, boxes, motions, self._pieces.times))
             most.append(self._share * gaps)
         if static:
             around.append(fixed(np.array([n for _, n in static]), _PIECES))

@@ -125,25 +125,27 @@ class Shares:
         for n, (state, past) in enumerate(zip(states, pasts, strict=True)):
             if past is None:
                 continue
-            apart = length((past.z - state.z)[:axes]) - self._radius - self._motion.tube - others[n]
+            gap_then = (
+                length((past.z - state.z)[:axes]) - self._radius - self._motion.tube - others[n]
+            )
             since = islice(closings, len(past.holds))
-            gaps[n] = self._left(float(apart), rests[n], _speed(past.z), _speed(z), since)
+            gaps[n] = self._left(float(gap_then), rests[n], _speed(past.z), _speed(z), since)
         return gaps
 
     def _left(
-        self, apart: float, rest: float, before: float, now: float, closings: Iterator[_Closing]
+        self, gap_then: float, rest: float, before: float, now: float, closings: Iterator[_Closing]
     ) -> float:
         """The gap that is left.
 
         Args:
-            apart: distance at t_s, less R, tubes and the other's L [m].
+            gap_then: distance at t_s, less R, tubes and the other's L [m].
             rest: E.
             before: the own speed at t_s [m/s].
             now: the own speed.
             closings: of the holds since t_s.
         """
         stopping, fastest = self._motion.stopping, before
-        gap, spent, least, regained = apart - stopping(before), 0.0, 0.0, 0.0
+        gap, spent, least, regained = gap_then - stopping(before), 0.0, 0.0, 0.0
         for closing in closings:
             back = stopping(before) - stopping(closing.slowest) - least + closing.opened
             regained, fastest = max(regained, back), max(fastest, closing.fastest)
@@ -184,9 +186,12 @@ class Shares:
         motions, begin = motions.of(peers), np.array([hold.t for hold in holds])
         z, u = np.array([hold.z for hold in holds]), np.array([hold.u for hold in holds])
         times = (np.array([hold.end for hold in holds]) - begin)[:, None] * _PARTS
-        own = Own(z[:, :axes], z[:, axes:], motion.drag, motion.authority)
+        motion_then = Own(z[:, :axes], z[:, axes:], motion.drag, motion.authority)
         boxes = self._enclose([states[n] for n in peers], begin, motions)
-        around, factors = cones(own, boxes, motions, times), held(np.array(motion.drag), times)
+        around, factors = (
+            cones(motion_then, boxes, motions, times),
+            held(np.array(motion.drag), times),
+        )
         v = factors.decay[..., None] * z[:, None, axes:] + factors.speed[..., None] * u[:, None]
         spans = times[:, 1:] - times[:, :-1]
         most, back = (

@@ -49,12 +49,12 @@ class GiveWay:
 
     def input(self, view: View) -> Array:
         p, goal = view.positions[view.i], view.goal
-        wanted = goal.velocity + self.gains[0] * (goal.position - p)
-        wanted = wanted * min(1.0, self.speed / max(float(length(wanted)), self.speed))
+        velocity = goal.velocity + self.gains[0] * (goal.position - p)
+        velocity = velocity * min(1.0, self.speed / max(float(length(velocity)), self.speed))
         for l, other in view.positions.items():
-            apart = float(length(other - p))
-            if l != view.i and 0.0 < apart < self.within:
-                to = (other - p) / apart
+            distance = float(length(other - p))
+            if l != view.i and 0.0 < distance < self.within:
+                to = (other - p) / distance
                 right = np.concatenate(([to[1], -to[0]], np.zeros(len(to) - 2)))
-                wanted = wanted + self.push * (1.0 - apart / self.within) * (right - to)
-        return self._input(view.x[view.i], wanted)[0]
+                velocity = velocity + self.push * (1.0 - distance / self.within) * (right - to)
+        return self._input(view.x[view.i], velocity)[0]
