@@ -83,8 +83,8 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
                 _, k, t, visible, x, *rest = fields
                 messages[kind, *who, k] = [t, visible, len(x), *rest]
             elif kind == "broadcast" and who[1] in FORMATION:
-                _, k, t_apply, u = fields
-                messages[kind, *who, k] = [t_apply, len(u)]
+                _, k, t_apply, u, *rest = fields
+                messages[kind, *who, k] = [t_apply, len(u), *rest]
     return messages
 
 

@@ -111,7 +111,8 @@ def test_a_broadcast_that_its_sender_cannot_make_is_refused(spoilt: Broadcast):
 
 
 def test_a_broadcast_carries_the_state_and_what_was_heard_the_newest_first():
-    step = ControlStep(rows_of_scenario("radio", "agents.0.radio.relays=2", "network.loss=0"), 0)
+    perfect = "network.loss=0", "faults=[]"
+    step = ControlStep(rows_of_scenario("radio", "agents.0.radio.relays=2", *perfect), 0)
     first = step(step.accept_sample(sample(0)))
     assert first.broadcasts[3].x == (0.0,) * 4
     assert first.broadcasts[3].relays == ()

@@ -245,7 +245,10 @@ BROKEN = {
     ),
     "a lie without content": (
         lie(),
-        ["faults.0: expected one of says, equivocate, replay, apply_time, silent, got 'none'"],
+        [
+            "faults.0: expected one of says, equivocate, replay, apply_time, shift, drift, silent, "
+            "got 'none'"
+        ],
     ),
     "two lies in one": (lie(says="zero", replay=3), ["faults.0: expected one of says", "replay"]),
     "a word that is no lie": (
