@@ -7,7 +7,7 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol, cast
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import PointMotion
 from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState
-from phalanx.network.inbox import AnnouncedInput
+from phalanx.network.inbox import AnnouncedInput, SentInput
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
@@ -39,22 +39,6 @@ _PER_PERIOD = 1.2
 
 _OFF = 1e-4
 """Distance kept from an obstacle's clearance [m]: nearer ones no certificate can prove."""
-
-
-class StatedState(ReceivedInput, Protocol):
-    """A statement that its sender made by radio."""
-
-    @property
-    def t(self) -> float:
-        """Time of its sample [s]."""
-
-    @property
-    def x(self) -> tuple[float, ...]:
-        """Its state then."""
-
-    @property
-    def z(self) -> tuple[float, ...]:
-        """Its reference then."""
 
 
 class PeerKnowledge:
@@ -80,7 +64,7 @@ class PeerKnowledge:
     ) -> tuple[Array, tuple[int, ...]]:
         """Add the states of its peers as it believes them to the stacked x, shape (n̄,), at t [s].
 
-        received: a StatedState of each peer that was heard. Returns x and the agents in it.
+        received: a SentInput of each peer that was heard. Returns x and the agents in it.
         """
         if not (self._begun or (self._starts_known and t == 0.0)):
             self._newest = {}  # so does one that has taken over from an agent that died
@@ -108,7 +92,7 @@ class PeerKnowledge:
 
 
 def _heard(received: ReceivedInput) -> HeardState:
-    said = cast(StatedState, received)
+    said = cast(SentInput, received)
     return HeardState(said.t, np.array(said.x), np.array(said.z), said.t_apply, np.array(said.u))
 
 

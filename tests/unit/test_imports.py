@@ -124,7 +124,7 @@ BUDGET: Mapping[str, int] = {
     "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1620,
+    "swarm": 1610,
     "theory": 9500,
     "viewer": 5260,
     "wire": 700,

@@ -99,5 +99,5 @@ class _Compiled:
     def __call__(self, table: Array) -> list[float] | None:
         count, d = len(table), table.shape[1] - 1
         vertex = np.empty(d)
-        found = self._function(d, count, address(table), address(vertex))
-        return vertex.tolist() if found else None
+        exists = self._function(d, count, address(table), address(vertex))
+        return vertex.tolist() if exists else None

@@ -45,8 +45,8 @@ class NearestInBox:
             return None if u is None else np.array(u)
         numbers = self._numbers
         numbers[0], numbers[2], numbers[3], numbers[4] = u_nom, box.low, box.high, row.a
-        found = self._compiled(len(u_nom), self._place, row.bound, TOLERANCE)
-        return numbers[5].copy() if found else None
+        exists = self._compiled(len(u_nom), self._place, row.bound, TOLERANCE)
+        return numbers[5].copy() if exists else None
 
 
 _Compiled = Callable[[int, ctypes.c_void_p, float, float], int]
@@ -70,8 +70,8 @@ def _checked(library: ctypes.PyDLL) -> _Compiled:
             numbers[2:4].sort(axis=0)
             u_nom, weights, low, high, a = numbers[:5].tolist()
             u = nearest_in_box(u_nom, weights, low, high, a, bound, TOLERANCE)
-            found = function(m, address(numbers), bound, TOLERANCE)
-            if (numbers[5].tolist() if found else None) != u:
+            exists = function(m, address(numbers), bound, TOLERANCE)
+            if (numbers[5].tolist() if exists else None) != u:
                 raise ValueError("nearest_in_box.c computes other bits")
     compiled: _Compiled = function
     return compiled

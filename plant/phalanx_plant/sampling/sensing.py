@@ -74,8 +74,8 @@ class Sensing:
         if not peers:
             return Visibility(tuple(seen.tolist()), hearers)
         everybody = [*seen.tolist(), *peers]
-        known = tuple(np.sqrt(distances[everybody]).tolist())
-        return Visibility(tuple(seen.tolist()), tuple(sorted({*hearers, *peers})), peers, known)
+        lengths = tuple(np.sqrt(distances[everybody]).tolist())
+        return Visibility(tuple(seen.tolist()), tuple(sorted({*hearers, *peers})), peers, lengths)
 
 
 def sensing_radii(swarm: Swarm) -> Array:
