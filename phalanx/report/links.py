@@ -35,7 +35,7 @@ _MOST_LANES = 24
 _LANE, _MOST_HIGH = 0.34, 7.0
 """[inch]"""
 _DOTS = (
-    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, *OF_PROOFS, *OF_CONTROLLERS}),
+    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, Origin.BRAKE, *OF_PROOFS, *OF_CONTROLLERS}),
     ("#8f0f2a", "o", {Origin.ATTACK}),
     (_COLOURS[Origin.BACKUP], "s", {Origin.BACKUP}),
     (_COLOURS[Origin.NO_AUTHORITY], "s", {Origin.NO_AUTHORITY}),

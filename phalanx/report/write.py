@@ -34,6 +34,7 @@ from phalanx.theory.rows.origin import (
     EMPTY,
     OF_CONTROLLERS,
     OF_PROOFS,
+    Origin,
     origin_label,
     origins_of_normal,
 )
@@ -281,6 +282,8 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
     if recording.scenario.safety.prove:
         proofs = ", ".join(f"{counts[o]} {origin_label(o)}" for o in OF_PROOFS)
         kinds += f"; certified for too short at first: {proofs}"
+    if Origin.BRAKE in counts:
+        kinds += f"; {counts[Origin.BRAKE]} steps braked for what was not known"
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),
@@ -305,8 +308,9 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
 def origins(recording: Recording) -> dict[str, int]:
     """Count recorded steps of normal agents by the origin of their input."""
     has_controllers = any(group.controller for group in recording.scenario.agents)
-    proofs = recording.scenario.safety.prove
-    counts = {str(origin): 0 for origin in origins_of_normal(has_controllers, proofs)}
+    proofs, radio = recording.scenario.safety.prove, any(g.radio for g in recording.scenario.agents)
+    possible = origins_of_normal(has_controllers, proofs, radio)
+    counts = {str(origin): 0 for origin in possible}
     for step in recording.steps:
         if step.origin in counts:
             counts[step.origin] += 1

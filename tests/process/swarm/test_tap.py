@@ -13,7 +13,7 @@ from phalanx.faults.commands import CommandPolicy
 from phalanx.messages.admission import access_control
 from phalanx.messages.credentials import Admission
 from phalanx.messages.keys import VIEWER
-from phalanx.messages.kinds import VERSION
+from phalanx.messages.kinds import VERSION, Broadcast
 from phalanx.messages.membership import Membership
 from phalanx.scenario.load import load
 from phalanx.wire.session import HubError, free_endpoint, open_hub
@@ -59,7 +59,8 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
     heard = [json.loads(line) for line in only.stdout.splitlines()]
     assert len(heard) == 5
     assert {key.split("/")[2] for key, _ in heard} == {"broadcast"}
-    assert {len(fields) for _, fields in heard} == {4}, "version, k, t_apply, u and nothing else"
+    assert {len(fields) for _, fields in heard} == {len(Broadcast.__struct_fields__)}
+    assert all(fields[4:] == [0.0, [], [], []] for _, fields in heard), "no state without a radio"
 
 
 @pytest.mark.timeout(60)

@@ -14,6 +14,7 @@ from phalanx.messages.kinds import Broadcast, Sample
 from phalanx.messages.seal import Malformed
 from phalanx.network.inbox import BroadcastInbox, Statement
 from phalanx.network.link import Link
+from phalanx.report.write import origins
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.radio import PeerKnowledge, _gain
@@ -230,8 +231,10 @@ def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers
     speed = {}
     for knows in True, False:
         scenario = phalanx.load("radio", {**blind, "agents.0.radio.starts_known": knows})
-        states = phalanx.run(scenario, engine="in-process").states
+        run = phalanx.run(scenario, engine="in-process")
+        states = run.states
         speed[knows] = [states["1.vx"].abs().filter(states["t"] <= t).max() for t in (0.3, 1.0)]
+        assert origins(run.recording) == run.summary.origins, "the report counts brakes too"
     assert speed[True][0] > 1.0
     assert speed[False][0] == 0.0 < speed[False][1]
 
