@@ -12,7 +12,7 @@ from phalanx.faults.links import HoldFault, LinkFault, Partition
 from phalanx.faults.process import AttackFault, HijackFault
 from phalanx.guarantee.check_report import CheckReport, Finding, Requirement
 from phalanx.guarantee.proof_gaps import alpha_advice
-from phalanx.network.link import DELAY
+from phalanx.network.link import DELAY, TRACE
 from phalanx.swarm.swarm import Swarm, unit_of_psi
 
 _WHOLE = 1e3
@@ -189,7 +189,9 @@ def _sampling(report: CheckReport) -> Finding:
 def _received_inputs(swarm: Swarm, report: CheckReport) -> Finding:
     """Find why rows should not use received inputs, if they do."""
     model = swarm.safety.information_model
-    delays = [str(rule) for field, rule in swarm.scenario.network.fields() if field == DELAY]
+    delays = [
+        str(rule) for field, rule in swarm.scenario.network.fields() if field in (DELAY, TRACE)
+    ]
     unlimited = math.isinf(report.largest_delay)
     allowed = "any" if unlimited else f"at most {rounded(1e3 * report.largest_delay)} ms"
     holds = unlimited or not delays

@@ -20,7 +20,7 @@ from phalanx.network.rule import (
 from phalanx.seeded.draws import Draws, Seeds, Tables
 from phalanx.theory.expressions.user_methods import error_line
 
-LOSS, DELAY = "loss", "delay"
+LOSS, DELAY, TRACE = "loss", "delay", "trace"
 Kind = Literal["broadcast", "sample", "actuation"]
 """Messages of a link: broadcasts between agents, or, within one robot, states from its sensors
 and inputs to its actuators."""

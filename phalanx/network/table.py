@@ -14,7 +14,7 @@ from phalanx.network.delay import (
     Slot,
     UniformDelay,
 )
-from phalanx.network.link import DELAY, LOSS, Kind
+from phalanx.network.link import DELAY, LOSS, TRACE, Kind
 from phalanx.network.loss import (
     Bursts,
     Corrupt,
@@ -24,6 +24,7 @@ from phalanx.network.loss import (
 )
 from phalanx.network.presets import PRESETS, Preset
 from phalanx.network.rule import Rule
+from phalanx.network.trace import Trace
 from phalanx.schema.fields import (
     BOUNDS,
     BURST,
@@ -87,6 +88,8 @@ class LinkTable(Strict):
     """Probability of a flipped byte."""
     reorder: Reorder | None = None
     """{ probability, gap }: messages that are not delayed."""
+    trace: Trace | None = None
+    """Path of a CSV with delays that were measured: columns t and delay [s], empty if lost."""
     rate: Rate | None = None
     """{ bits_per_second, size, limit }: a queue."""
     slot: Positive | None = None
@@ -117,6 +120,8 @@ class LinkTable(Strict):
             yield "duplicate", Duplicate(self.duplicate)
         if self.corrupt != 0.0:
             yield "corrupt", Corrupt(self.corrupt)
+        if self.trace:
+            yield TRACE, self.trace
         if self.rate:
             yield "rate", self.rate
         if self.delay != 0.0:

@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from phalanx.network.trace import TraceFileError, with_traces
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario, ScenarioError
 from phalanx.schema.fields import field_path
@@ -91,12 +92,23 @@ def read_table(
 ) -> dict[str, Any]:
     """Return a copy of the table of a scenario that load takes, with some fields set by path.
 
+    Traces are read: of a file relative to its folder, of overrides to the current one.
+
     Raises ScenarioError.
     """
-    table = copy.deepcopy(dict(source)) if isinstance(source, Mapping) else _parsed(str(source))
-    for path, value in overrides.items():
-        set_field(table, path, value)
-    return table
+    name, folder = "scenario", Path()
+    if isinstance(source, Mapping):
+        table = copy.deepcopy(dict(source))
+    else:
+        name = str(source)
+        table, folder = _parsed(name), Path(str(shipped().get(name, name))).parent
+    try:
+        with_traces(table, folder)
+        for path, value in overrides.items():
+            set_field(table, path, value)
+        return with_traces(table, Path())
+    except TraceFileError as error:
+        raise ScenarioError(f"{name}: trace {error}") from error
 
 
 def described(error: ValidationError, source: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from phalanx.network.presets import PRESETS
@@ -14,6 +15,7 @@ APART = [[1.5 * x, 1.5 * y] for x, y in CLOSE]
 """Where they start [m]."""
 DURATION = 1.5
 """[s]"""
+TRACE = Path(__file__).parents[2] / "scenarios" / "faults" / "trace.csv"
 AGENT, PEER = "2", "1"
 """The agent that has the fault, and a peer of it."""
 JITTER = {"time": 0.02, "jitter": 0.01}
@@ -77,6 +79,7 @@ LINKS: Mapping[str, Overrides] = {
     "loss_by_distance": {"network.loss_by_distance": {"none_within": 1.2, "all_beyond": 1.8}},
     "duplicate = 0.5": {"network.delay": {"low": 0.0, "high": 0.02}, "network.duplicate": 0.5},
     "corrupt = 0.3": {"network.corrupt": 0.3},
+    "trace": {"network.trace": str(TRACE)},
     "rate": {"network.rate": {"bits_per_second": 9e4, "limit": 8}},
     "delay = 0.02": {"network.delay": 0.02},
     "delay = { low, high }": {"network.delay": {"low": 0.0, "high": 0.02}},

@@ -26,6 +26,7 @@ loss_by_distance = { none_within = 20.0, all_beyond = 40.0 }
 duplicate = 0.01
 corrupt = 0.02
 reorder = { probability = 0.25, gap = 5 }
+trace = { t = [0.0, 0.1], delay = [0.01, -1.0] }
 rate = { bits_per_second = 1e6, limit = 20 }
 slot = 0.01
 
@@ -84,10 +85,10 @@ def with_tables(text: str) -> dict[str, object]:
 def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_down():
     scenario = load("unicycles", with_tables(ALL))
     declared = scenario.links().declared
-    before = ["loss", "loss_by_distance", "duplicate", "corrupt", "rate"]
+    before = ["loss", "loss_by_distance", "duplicate", "corrupt", "trace", "rate"]
     fields = [*before, "delay", "reorder", "delay_floor", "slot"]
-    assert declared[:9] == tuple(f"network.{field}" for field in fields)
-    assert set(declared[9:-7]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
+    assert declared[:10] == tuple(f"network.{field}" for field in fields)
+    assert set(declared[10:-7]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
     kinds = ("partition", "hold", "link", "lie", "lie", "restart", "sensor")
     assert declared[-7:] == tuple(f"faults.{n} ({kind})" for n, kind in enumerate(kinds))
     again = from_json(to_json(scenario))
