@@ -18,6 +18,7 @@ from phalanx.guarantee.formula import (
     worst_pair,
 )
 from phalanx.guarantee.proof_gaps import proof_gaps
+from phalanx.guarantee.radio_reach import radio_reach
 from phalanx.guarantee.start import (
     ProvenRows,
     certified_start,
@@ -96,6 +97,7 @@ def check(
         gaps=proof_gaps(swarm),
         certified=certified,
         promised=promise,
+        radio=radio_reach(swarm),
     )
     efforts = None if model.reads_roles else _efforts(rows)
     report.findings.extend(findings(swarm, report, unknown, efforts))

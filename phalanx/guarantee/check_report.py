@@ -6,6 +6,7 @@ from html import escape
 from typing import NamedTuple
 
 from phalanx.guarantee.formula import Formula
+from phalanx.guarantee.radio_reach import RadioReach
 from phalanx.guarantee.start import CertifiedStart, Promise
 
 
@@ -82,6 +83,8 @@ class CheckReport:
     """Certificates at the start, on which the verdict rests."""
     promised: Promise
     """The time for which all pairs are safe, proven before a run."""
+    radio: RadioReach | None = None
+    """Of agents that know one another by radio."""
     findings: list[Finding] = field(default_factory=list)
     """All of them, in the order of the paper."""
 

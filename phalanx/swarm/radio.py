@@ -137,12 +137,11 @@ class RadioFilter:
             self._terms = _terms_of_limits(rows, i)
         self._static = _static(swarm)
         others = {l: motions[l] for l in peers}
-        gain = _gain(swarm, (i, *peers))
         self._own_parts = OwnParts(
             motions[i],
             others,
             function.radius,
-            gain,
+            gain(swarm, (i, *peers)),
             stamp_error=radio.stamp_error,
             position_error=radio.position_error,
             speed_error=radio.speed_error,
@@ -199,7 +198,7 @@ def _static(swarm: Swarm) -> Static:
     return static
 
 
-def _gain(swarm: Swarm, agents: tuple[int, ...]) -> float:
+def gain(swarm: Swarm, agents: tuple[int, ...]) -> float:
     """Return κ [1/s] of an agent and its peers; one for all, or halves of a gap do not add up."""
     radios = [(swarm.groups[l].radio, swarm.groups[l].clock.period) for l in agents]
     if given := [radio.gain for radio, _ in radios if radio and radio.gain]:

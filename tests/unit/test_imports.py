@@ -111,7 +111,7 @@ BUDGET: Mapping[str, int] = {
     "attacks": 1880,
     "cli": 1640,
     "faults": 1030,
-    "guarantee": 2360,
+    "guarantee": 2450,
     "hosts": 340,
     "knowledge": 1260,
     "launcher": 2340,

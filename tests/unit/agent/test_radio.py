@@ -17,7 +17,7 @@ from phalanx.network.link import Link
 from phalanx.report.write import origins
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
-from phalanx.swarm.radio import PeerKnowledge, _gain
+from phalanx.swarm.radio import PeerKnowledge, gain
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.network.models import model
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
@@ -241,7 +241,7 @@ def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers
 
 def test_the_gain_is_one_for_all_the_least_that_a_group_has_or_by_the_rarest_broadcasts():
     swarm = swarm_of_scenario("radio")
-    assert _gain(swarm, EVERYBODY) == pytest.approx(1.2 / 0.35)
+    assert gain(swarm, EVERYBODY) == pytest.approx(1.2 / 0.35)
     table = swarm.scenario.model_dump(mode="json", exclude_none=True, by_alias=True)
     group = table["agents"][0]
     parts = [
@@ -252,4 +252,4 @@ def test_the_gain_is_one_for_all_the_least_that_a_group_has_or_by_the_rarest_bro
         )
     ]
     of_two_groups = build_swarm(load({**table, "agents": parts}))
-    assert {_gain(of_two_groups, agents) for agents in (EVERYBODY, (7, *range(7)))} == {2.0}
+    assert {gain(of_two_groups, agents) for agents in (EVERYBODY, (7, *range(7)))} == {2.0}
