@@ -1,6 +1,6 @@
 """An agent's own controller: its law, rows and QP."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol, Self
 
@@ -8,6 +8,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from phalanx.messages.step_report import StepReport
+from phalanx.network.inbox import Conviction
 from phalanx.schema.registry import construct, part_of_agent
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
@@ -31,6 +32,8 @@ class StepResult(Struct, frozen=True):
     """Its reference state, shape (n_i,), which its peers by radio get; None for the state."""
     claimed: Array | None = None
     """The input that it broadcasts, shape (m_i,); None for the one that it applies."""
+    convictions: Sequence[Conviction] = ()
+    """Of peers by radio whose states contradict each other."""
 
     def report(self, solve_time: float) -> StepReport:
         """Make the report of the decision; solve_time: its wall time [s]."""
@@ -47,6 +50,10 @@ class StepResult(Struct, frozen=True):
 
 class RadioFilter(SafetyFilter, Protocol):
     """The filter of an agent that knows peers by radio."""
+
+    @property
+    def convictions(self) -> Sequence[Conviction]:
+        """Of peers that contradicted themselves, at the last sample."""
 
     @property
     def reference(self) -> Array | None:
@@ -103,18 +110,25 @@ class DistributedController:
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
-        radio = self._radio
+        radio, convictions = self._radio, ()
         if radio is not None:
             x, visible = radio.with_beliefs(x, visible, t, received)
+            convictions = tuple(radio.convictions)
         view = self._view(x, visible, t)
         u_nom = self._nominal(view)
         if self._override is not None:
             decision, notes = self._override(view, u_nom, x, visible, t, received)
-            return StepResult(decision, u_nom, [], notes)
+            return StepResult(decision, u_nom, [], notes, convictions=convictions)
         now = FilterInput(t + self._latency, x, visible, view.terms, u_nom, received)
         filtered = self._filter(now)
         reference = radio.reference if radio is not None else None
-        return StepResult(filtered.decision, u_nom, filtered.used, reference=reference)
+        return StepResult(
+            filtered.decision,
+            u_nom,
+            filtered.used,
+            reference=reference,
+            convictions=convictions,
+        )
 
     def _view(self, x: Array, visible: tuple[int, ...], t: float) -> View:
         i, terms = self._i, self._terms(x, visible)

@@ -238,7 +238,7 @@ class ControlStep:
                 fates=fates,
                 rejected=self.rejected,
                 received=self._clock.reported(received),
-                convictions=tuple(convictions),
+                convictions=(*convictions, *result.convictions),
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,

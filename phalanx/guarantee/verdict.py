@@ -124,7 +124,7 @@ class CertificateSummary(msgspec.Struct):
 
 
 class Convicted(msgspec.Struct):
-    """A conviction: one agent found that another announced what it did not hold."""
+    """A conviction: one agent found that another announced or stated what is false."""
 
     by: str
     of: str
@@ -134,7 +134,7 @@ class Convicted(msgspec.Struct):
     """Begin of the window [s]."""
     end: float
     excess: float
-    """By how much more than φ^max it takes to explain the motion."""
+    """By how much more than φ^max it takes to explain the motion; by radio [m]."""
     after: float | None = None
     """Time since the agent's first false broadcast [s]; None if there was none: a false one."""
 
@@ -245,7 +245,7 @@ class Summary(msgspec.Struct):
     excluded: list[Violation] = []
     """Excursions of pairs since all their normal agents had turned adversary: not counted."""
     trust: TrustSummary | None = None
-    """None unless agents watch each other."""
+    """None unless agents watch each other, or know peers by radio."""
 
     def __repr__(self) -> str:
         until = f"{self.outcome} after {self.t:g} s"

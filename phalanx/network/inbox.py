@@ -88,16 +88,17 @@ class DeliveryReport(msgspec.Struct, array_like=True, frozen=True):
 
 
 class Conviction(msgspec.Struct, array_like=True, frozen=True):
-    """A finding that an agent did not hold the inputs that it announced."""
+    """A finding that an agent did not hold the inputs that it announced, or lied on its states."""
 
     of: int
     """Index of the agent."""
     begin: float
-    """First sample of the window [s]."""
+    """First sample of the window [s]; by radio, time of the last state believed."""
     end: float
-    """Second sample of the window [s]."""
+    """Second sample of the window [s]; by radio, stated time of the one that contradicts it."""
     excess: float
-    """By how much more than φ^max it takes to explain the motion, in units of x'."""
+    """By how much more than φ^max it takes to explain the motion, in units of x'; by radio, how far
+    off the state is [m]."""
 
 
 class BroadcastInbox:

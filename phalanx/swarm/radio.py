@@ -5,7 +5,7 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
@@ -13,11 +13,12 @@ import casadi as ca
 import numpy as np
 from msgspec.structs import replace
 
+from phalanx.knowledge.contradiction import contradiction
 from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import PointMotion
 from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState
-from phalanx.network.inbox import AnnouncedInput, SentInput
+from phalanx.network.inbox import AnnouncedInput, Conviction, SentInput
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
@@ -56,6 +57,11 @@ class PeerKnowledge:
         states = {l: start[self._parts[l]] for l in self.peers}
         self._newest = {l: HeardState(0.0, x, x, 0.0, still) for l, x in states.items()}
         self._begun, self._starts_known = False, radio.starts_known
+        self._stamp_error, self._said = radio.stamp_error, dict[int, ReceivedInput]()
+        self.convicted: set[int] = set()
+        """Peers that contradicted themselves: nothing that they state later is believed."""
+        self.convictions: list[Conviction] = []
+        """Those of the last sample."""
         self.heard: Mapping[int, HeardState] = {}
         """Of each peer the newest state heard; if one is taken for the truth, as if of now."""
 
@@ -69,7 +75,11 @@ class PeerKnowledge:
         if not (self._begun or (self._starts_known and t == 0.0)):
             self._newest = {}  # so does one that has taken over from an agent that died
         self._begun, x = True, x.copy()
-        self._newest |= {l: _heard(s) for l, s in received.items() if l in self._periods}
+        self.convictions = []
+        for l, said in received.items():
+            if l in self._periods and said is not self._said.get(l):
+                self._said[l] = said
+                self._hear(l, _heard(said))
         believed = {l: self._believed(l, heard, t) for l, heard in self._newest.items()}
         for l, state in believed.items():
             x[self._parts[l]] = state
@@ -78,6 +88,17 @@ class PeerKnowledge:
             still = np.zeros(self.motions[self.peers[0]].axes)
             self.heard = {l: HeardState(t, s, s, t, still) for l, s in believed.items()}
         return x, tuple(sorted((*seen, *believed)))
+
+    def _hear(self, l: int, newer: HeardState) -> None:
+        """Believe a statement of peer l, unless it contradicts the last one that was believed."""
+        older, excess = self._newest.get(l), 0.0
+        if older is not None and self._belief == "set":
+            excess = contradiction(self.motions[l], older, newer, self._stamp_error)
+        if older is not None and excess > 0.0 and l not in self.convicted:
+            self.convicted.add(l)
+            self.convictions.append(Conviction(l, older.t, newer.t, excess))
+        if l not in self.convicted:
+            self._newest[l] = newer
 
     def _believed(self, l: int, heard: HeardState, t: float) -> Array:
         """Return one state of peer l at t [s]; of a set the middle, where it is without input."""
@@ -111,6 +132,8 @@ def point_motion(swarm: Swarm, i: int) -> PointMotion:
         group.disturbance.bound,
         longest=swarm.horizon(i),
         shortest=group.clock.period - group.clock.jitter,
+        position_error=group.radio.position_error if group.radio else 0.0,
+        speed_error=group.radio.speed_error if group.radio else 0.0,
     )
 
 
@@ -148,6 +171,11 @@ class RadioFilter:
         )
 
     @property
+    def convictions(self) -> Sequence[Conviction]:
+        """Of peers that contradicted themselves, at the last sample."""
+        return self.with_beliefs.convictions
+
+    @property
     def reference(self) -> Array | None:
         """The reference state at the last sample, shape (n_i,); None if there is none."""
         return None if self._halves else self._own_parts.reference
@@ -166,7 +194,7 @@ class RadioFilter:
         origin = Origin.BRAKE if result.braked else Origin.QP
         if residual > TOLERANCE:
             origin = Origin.BACKUP
-        used = [l for l in heard if l in now.received]
+        used = [l for l in heard if l in now.received and l not in self.with_beliefs.convicted]
         return Filtered(Decision(result.u, origin, finite_or_none(residual)), used, whole)
 
 

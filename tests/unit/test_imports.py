@@ -107,13 +107,13 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 940,
+    "agent": 960,
     "attacks": 1880,
     "cli": 1640,
     "faults": 1030,
     "guarantee": 2450,
     "hosts": 340,
-    "knowledge": 1260,
+    "knowledge": 1320,
     "launcher": 2340,
     "messages": 980,
     "network": 1580,
@@ -124,7 +124,7 @@ BUDGET: Mapping[str, int] = {
     "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1610,
+    "swarm": 1640,
     "theory": 9500,
     "viewer": 5260,
     "wire": 700,
@@ -311,7 +311,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_150), ("phalanx.launcher.simulation", 21_700)]
+    ("program", "most"), [("phalanx_agent.main", 15_170), ("phalanx.launcher.simulation", 21_720)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -325,20 +325,22 @@ class Judge:
         by, of = self._names[i], self._names[conviction.of]
         begin, end, excess = conviction.begin, conviction.end, conviction.excess
         self._convictions.append(Convicted(by, of, t, begin, end, excess))
-        text = (
-            f"agent {by} convicts agent {of}: from {begin:.3f} to {end:.3f} s it did not hold what "
-            f"it announced, by {excess:.3g} more than a disturbance explains"
+        reason = (
+            f"did not hold what it announced, by {excess:.3g} more than a disturbance explains"
+            if self._swarm.safety.watch
+            else f"cannot have moved as it states, by {excess:.3g} m"
         )
+        text = f"agent {by} convicts agent {of}: from {begin:.3f} to {end:.3f} s it {reason}"
         return Log(t, text, Level.WARNING)
 
     @property
     def _trust(self) -> TrustSummary | None:
-        """Betrayals and convictions; None unless agents watch each other."""
-        if not self._swarm.safety.watch:
+        """Betrayals and convictions; None unless agents watch others or have a radio."""
+        if not (self._swarm.safety.watch or self._swarm.by_radio):
             return None
         begun = dict(self.claims.betrayals)
         for conviction in self._convictions:
-            guilty = begun.get(conviction.of, np.inf) < conviction.end
+            guilty = begun.get(conviction.of, np.inf) <= conviction.end
             conviction.after = conviction.t - begun[conviction.of] if guilty else None
         return TrustSummary(begun, self._convictions)
 

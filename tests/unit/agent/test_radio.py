@@ -145,8 +145,22 @@ def test_the_middle_of_a_set_is_where_a_peer_is_without_input():
     knowledge = PeerKnowledge(swarm_of_scenario("radio"), 0)
     x, _ = knowledge(np.full(32, np.nan), (0,), 0.0, {})
     assert np.array_equal(x[4:], swarm_of_scenario("radio").start()[4:]), "starts are known"
-    x, _ = knowledge(np.full(32, np.nan), (0,), 1.1, {1: statement(1, 1)})
+    x, _ = knowledge(np.full(32, np.nan), (0,), 5.0, {1: statement(1, 40)})
     assert x[4:8] == pytest.approx((4.0, 6.0, 3.0, 4.0))
+
+
+def test_one_that_contradicts_itself_is_convicted_once_and_its_last_word_before_stays_believed():
+    knowledge = PeerKnowledge(swarm_of_scenario("radio"), 0)
+    for k, x, convictions in (
+        (40, (1.0, 2.0, 3.0, 4.0), 0),
+        (41, (1.3, 2.4, 3.0, 4.0), 0),
+        (42, (9.6, 2.8, 3.0, 4.0), 1),
+        (43, (1.9, 3.2, 3.0, 4.0), 0),
+    ):
+        knowledge(np.full(32, np.nan), (0,), 0.1 * k, {1: statement(1, k, x)})
+        assert len(knowledge.convictions) == convictions
+    assert knowledge.convicted == {1}
+    assert knowledge.heard[1].t == pytest.approx(4.1)
 
 
 def test_one_that_takes_over_in_the_middle_of_a_run_knows_no_peer_until_it_has_heard_it():
@@ -204,6 +218,27 @@ def test_a_false_state_is_named_by_the_judge_and_the_same_when_judged_again(tmp_
     assert lied.summary.trajectory != honest.summary.trajectory
     again = lied.judge_again()
     assert (again.theorem, again.faults) == (lied.summary.theorem, lied.summary.faults)
+
+
+LIES = {
+    "shift": {"shift": [1.0, 0.0, 0.0, 0.0]},
+    "drift": {"drift": [0.0, 0.5, 0.0, 0.0]},
+    "replay": {"replay": 20},
+    "none": {"says": "zero"},
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_peer_whose_states_contradict_each_other_is_convicted_and_none_that_only_announces_badly(
+    lie,
+):
+    fault = {"kind": "lie", "agent": "2", "at": 0.5, "for": 9.0, **LIES[lie]}
+    changes = {**TWO, "duration": 2.0, "network.loss": 0.0, "faults": [fault]}
+    trust = phalanx.run(phalanx.load("radio", changes), engine="in-process").summary.trust
+    assert trust.false == 0
+    convicted = [(each.by, each.of) for each in trust.convictions]
+    assert convicted == ([] if lie == "none" else [("1", "2")])
+    assert trust.betrayals["2"] >= 0.5
 
 
 TWO = {

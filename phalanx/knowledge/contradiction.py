@@ -1,0 +1,69 @@
+"""Contradictions: a stated state that its sender cannot have reached from an earlier one.
+
+Per axis, under inputs |u| <= Û, the ends (p, v) of p' = v, v' = u - βv after a time T are a convex
+set. Its border are inputs that switch once, at some s, from Û to -Û or back; what is pushed at s
+moves an end along (k, d), k = (1 - e^{-β(T-s)}) / β, d = e^{-β(T-s)}, to which (d, -k) is normal::
+
+    ± (d p - k v) <= ± (d p* - k v*),   (p*, v*) the end of the input that switches at s
+
+Each s gives a necessary condition, so that the honest are never convicted; all of them together are
+sufficient. A disturbance φ adds to Û, and T ‖φ‖ to p. Errors of both states, and of their times,
+are allowed for.
+"""
+
+import numpy as np
+
+from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.sets import HeardState
+from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import length
+
+_SWITCHES = np.arange(9)[:, None] / 8.0
+"""Times s, as shares of T."""
+_CLOSE = 1e-6
+"""Allowed for rounding and integration, relative to a state's size."""
+
+
+def contradiction(
+    motion: PointMotion, older: HeardState, newer: HeardState, stamp_error: float = 0.0
+) -> float:
+    """Return by how much a peer's newer state contradicts its older one [m]; at most 0: by nothing.
+
+    motion: the peer's, with the errors of the states that it measures.
+    """
+    tracking, size = motion.tracking, 1.0 + float(length(newer.z))
+    off_reference = tracking.size(newer.x - newer.z) - tracking.radius - _CLOSE * size
+    states = older.x[None], newer.x[None], np.array([newer.t - older.t])
+    return max(off_reference, float(unreached(motion, *states, 2.0 * stamp_error)[0]))
+
+
+def unreached(
+    motion: PointMotion, older: Array, newer: Array, time: Array, late: float = 0.0
+) -> Array:
+    """Return how far newer states are from what older ones lead to [m], shape (n,); at most 0: not.
+
+    Args:
+        motion: of all, with the errors of their states.
+        older: states (p, v), shape (n, 2 axes).
+        newer: likewise, a time later.
+        time: shape (n,) [s].
+        late: bound on the error of a time [s].
+    """
+    axes, push = motion.axes, motion.authority + motion.reserve + motion.disturbance
+    time = np.maximum(0.0, time)[:, None, None]
+    first, last, whole = (
+        held(np.array(motion.drag), t) for t in (time * _SWITCHES, time * (1.0 - _SWITCHES), time)
+    )
+    fastest = np.abs(newer[:, axes:]).max(axis=1)[:, None, None] + motion.speed_error + late * push
+    p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error
+    p_error = p_error + (time + late) * motion.disturbance + late * fastest
+    v_error = motion.speed_error + late * (push + motion.drag * fastest)
+    beyond = np.full(newer[:, None, :axes].shape, -np.inf)
+    for sign in (1.0, -1.0):
+        ends = moved(moved(older[:, None], sign * push, first), -sign * push, last)
+        p, v = np.split(sign * (newer[:, None] - ends), 2, axis=-1)
+        beyond = np.maximum(beyond, last.decay * p - last.speed * v)
+    outside = beyond - last.decay * p_error - last.speed * v_error
+    most: Array = outside.max(axis=(1, 2)) - _CLOSE * (1.0 + length(newer))
+    return most
