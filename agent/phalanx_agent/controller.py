@@ -12,7 +12,7 @@ from phalanx.network.inbox import Conviction
 from phalanx.schema.registry import construct, part_of_agent
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
-from phalanx.theory.laws.law import CheckedInput, Law, View
+from phalanx.theory.laws.law import CheckedInput, Law, StateBox, View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput, SafetyFilter
@@ -48,24 +48,39 @@ class StepResult(Struct, frozen=True):
         )
 
 
-class RadioFilter(SafetyFilter, Protocol):
-    """The filter of an agent that knows peers by radio."""
+class Beliefs(Protocol):
+    """An agent's knowledge of its peers by radio, after a call at its newest sample."""
 
     @property
     def convictions(self) -> Sequence[Conviction]:
-        """Of peers that contradicted themselves, at the last sample."""
+        """Of peers that contradicted themselves, new ones."""
 
     @property
-    def reference(self) -> Array | None:
-        """The reference state at the last sample, shape (n_i,); None if there is none."""
+    def age(self) -> Mapping[int, float]:
+        """Of each peer the time since what is known of it was sampled [s]."""
 
-    def with_beliefs(
+    def boxes(self) -> Mapping[int, StateBox]:
+        """Of each peer the box in which it is."""
+
+    def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> tuple[Array, tuple[int, ...]]:
         """Add the states of its peers as it believes them to the stacked state x at t [s].
 
         Returns x and the agents in it.
         """
+
+
+class RadioFilter(SafetyFilter, Protocol):
+    """The filter of an agent that knows peers by radio."""
+
+    @property
+    def with_beliefs(self) -> Beliefs:
+        """What it knows of them."""
+
+    @property
+    def reference(self) -> Array | None:
+        """The reference state at the last sample, shape (n_i,); None if there is none."""
 
 
 class AgentController(Protocol):
@@ -113,8 +128,11 @@ class DistributedController:
         radio, convictions = self._radio, ()
         if radio is not None:
             x, visible = radio.with_beliefs(x, visible, t, received)
-            convictions = tuple(radio.convictions)
         view = self._view(x, visible, t)
+        if radio is not None:
+            beliefs = radio.with_beliefs
+            convictions = tuple(beliefs.convictions)
+            view = replace(view, age=beliefs.age, boxes=beliefs.boxes)
         u_nom = self._nominal(view)
         if self._override is not None:
             decision, notes = self._override(view, u_nom, x, visible, t, received)
@@ -143,7 +161,7 @@ class DistributedController:
         self._members = rows.swarm.members
         self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
-        self._override = None
+        self._override = self._radio = None
         return self
 
 

@@ -71,6 +71,8 @@ class OwnController:
             lambda u: self._projected(u, inputs),
             lambda u: self._certified(x, u, in_sight),
             notes,
+            view.age,
+            view.boxes,
         )
         u = self._input(controller_view)
         if inputs.takes(u):

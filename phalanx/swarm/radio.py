@@ -5,7 +5,7 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast
 
@@ -15,9 +15,9 @@ from msgspec.structs import replace
 
 from phalanx.knowledge.contradiction import contradiction
 from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.own_parts import OwnParts
-from phalanx.knowledge.sets import HeardState
+from phalanx.knowledge.sets import HeardState, enclosures
 from phalanx.network.inbox import AnnouncedInput, Conviction, SentInput
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows
@@ -25,6 +25,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
+from phalanx.theory.laws.law import StateBox
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.rows.decision import Decision, finite_or_none
 from phalanx.theory.rows.information import ReceivedInput
@@ -56,7 +57,7 @@ class PeerKnowledge:
         start, still = swarm.start(), np.zeros(self.motions[i].axes)
         states = {l: start[self._parts[l]] for l in self.peers}
         self._newest = {l: HeardState(0.0, x, x, 0.0, still) for l, x in states.items()}
-        self._begun, self._starts_known = False, radio.starts_known
+        self._begun, self._t, self._starts_known = False, 0.0, radio.starts_known
         self._stamp_error, self._said = radio.stamp_error, dict[int, ReceivedInput]()
         self.convicted: set[int] = set()
         """Peers that contradicted themselves: nothing that they state later is believed."""
@@ -74,7 +75,7 @@ class PeerKnowledge:
         """
         if not (self._begun or (self._starts_known and t == 0.0)):
             self._newest = {}  # so does one that has taken over from an agent that died
-        self._begun, x = True, x.copy()
+        self._begun, self._t, x = True, t, x.copy()
         self.convictions = []
         for l, said in received.items():
             if l in self._periods and said is not self._said.get(l):
@@ -88,6 +89,21 @@ class PeerKnowledge:
             still = np.zeros(self.motions[self.peers[0]].axes)
             self.heard = {l: HeardState(t, s, s, t, still) for l, s in believed.items()}
         return x, tuple(sorted((*seen, *believed)))
+
+    @property
+    def age(self) -> Mapping[int, float]:
+        """Of each peer the time since the state that was heard was sampled [s]."""
+        return {l: self._t - heard.t for l, heard in self._newest.items()}
+
+    def boxes(self) -> Mapping[int, StateBox]:
+        """Of each peer the box in which its state is, by what was heard."""
+        if not self._newest:
+            return {}
+        peers, states = zip(*self._newest.items(), strict=True)
+        motions, times = [self.motions[l] for l in peers], np.full(len(peers), self._t)
+        low, high = enclosures(states, times, stacked(motions), self._stamp_error)
+        tubes = [np.repeat([m.tube, m.tracking.speed_tube], m.axes) for m in motions]
+        return {l: (a - r, b + r) for l, a, b, r in zip(peers, low, high, tubes, strict=True)}
 
     def _hear(self, l: int, newer: HeardState) -> None:
         """Believe a statement of peer l, unless it contradicts the last one that was believed."""
@@ -169,11 +185,6 @@ class RadioFilter:
             position_error=radio.position_error,
             speed_error=radio.speed_error,
         )
-
-    @property
-    def convictions(self) -> Sequence[Conviction]:
-        """Of peers that contradicted themselves, at the last sample."""
-        return self.with_beliefs.convictions
 
     @property
     def reference(self) -> Array | None:

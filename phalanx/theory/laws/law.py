@@ -6,7 +6,7 @@ names it. The run judges its inputs like all others, from the true state and the
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -26,6 +26,9 @@ from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import SafeSetFunction, Static
 from phalanx.theory.safety.obstacles import Obstacle
 
+StateBox = tuple[Array, Array]
+"""Least and largest (p, v) of an agent's output point, shapes (2 axes,) [m, m/s]."""
+
 
 class View(Struct, frozen=True):
     """A law's arguments at one sampling instant of agent i: its own state and those it sees.
@@ -44,11 +47,19 @@ class View(Struct, frozen=True):
     terms: Terms
     t: float
     """Time of the sample [s]."""
+    age: Mapping[int, float] = {}
+    """Of each peer by radio, time since what is known of it was sampled [s]."""
+    boxes: Callable[[], Mapping[int, StateBox]] = dict
 
     @property
     def positions(self) -> Mapping[int, Array]:
         """Output positions by agent's index [m]."""
         return self.terms.positions
+
+    @property
+    def box(self) -> Mapping[int, StateBox]:
+        """Of each peer by radio, the box in which it is; its state in x is in the middle."""
+        return self.boxes()
 
 
 @runtime_checkable
@@ -208,11 +219,19 @@ class ControllerView:
     _nearest: Callable[[Array], Array]
     _certified: Callable[[Array], float]
     _notes: dict[str, float]
+    age: Mapping[int, float] = field(default_factory=dict)
+    """Of each peer by radio, time since what is known of it was sampled [s]."""
+    _boxes: Callable[[], Mapping[int, StateBox]] = dict
 
     @property
     def positions(self) -> Mapping[int, Array]:
         """Output positions of the agents in sight [m]."""
         return self.terms.positions
+
+    @property
+    def box(self) -> Mapping[int, StateBox]:
+        """Of each peer by radio, the box in which it is."""
+        return self._boxes()
 
     @cached_property
     def pairs(self) -> PairTerms:

@@ -1,6 +1,8 @@
 """Peers by radio: they are in no sample, and known by states and relays in broadcasts."""
 
 import itertools
+from dataclasses import dataclass
+from typing import ClassVar
 
 import msgspec
 import numpy as np
@@ -19,6 +21,7 @@ from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.radio import PeerKnowledge, gain
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.laws.law import View
 from tests.unit.network.models import model
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
@@ -218,6 +221,39 @@ def test_a_false_state_is_named_by_the_judge_and_the_same_when_judged_again(tmp_
     assert lied.summary.trajectory != honest.summary.trajectory
     again = lied.judge_again()
     assert (again.theorem, again.faults) == (lied.summary.theorem, lied.summary.faults)
+
+
+@dataclass
+class Looks:
+    """A law that keeps the first and the last of what it was shown."""
+
+    shown: ClassVar[list[View]] = []
+
+    def prepare(self, dynamics):
+        self.shown.clear()
+
+    def input(self, view):
+        self.shown.append(view)
+        return np.zeros(2)
+
+
+def test_a_law_and_a_controller_see_the_age_of_a_peer_and_a_box_that_it_is_in():
+    changes = {**TWO, "duration": 1.0, "network.loss": 0.0, "network.delay": 0.1}
+    law = {"type": f"{__name__}:Looks"}
+    for looking in {"agents.0.law": law}, {"agents.0.controller": law}:
+        noisy = {"agents.0.disturbance": {"bound": 0.1, "kind": "adverse"}, **looking}
+        run = phalanx.run(phalanx.load("radio", {**changes, **noisy}), engine="in-process")
+        states = {round(t, 9): x for t, *x in run.states.select("t", "2.x", "2.y").rows()}
+        views = [view for view in Looks.shown if view.i == 0 and view.t > 0.0]
+        for view in views[5:]:
+            assert 0.1 <= view.age[1] <= 0.1 + 0.35 + 0.05
+            low, high = view.box[1]
+            assert (low <= view.x[1]).all()
+            assert (view.x[1] <= high).all()
+            assert (low[:2] <= states[round(view.t, 9)]).all()
+            assert (states[round(view.t, 9)] <= high[:2]).all()
+    without = View(0, {}, (), None, None, t=0.0)
+    assert (without.age, without.box) == ({}, {})
 
 
 LIES = {
