@@ -87,9 +87,10 @@ PACKAGES: Mapping[type, Mapping[str, str]] = {
 BY_OPTION: Mapping[str, str] = {
     "agents.controller": "phalanx.swarm.own_controller:own_controller",
     "agents.radio": "phalanx.swarm.radio:RadioFilter",
+    "agents.radio judged": "phalanx_plant.judge.knowledge:Knowledge",
     "agents.controller certified": "phalanx.guarantee.certificates:certified_for",
     "safety.control": "phalanx_agent.centralised:CentralisedController",
     "safety.prove": "phalanx.guarantee.proven_filter:ProvenFilter",
     "safety.watch": "phalanx.swarm.watch:Watch",
 }
-"""Parts of an agent that an option of its scenario asks for, by the option."""
+"""Parts of an agent, or of its judge, that an option of its scenario asks for, by the option."""

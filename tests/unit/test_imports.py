@@ -107,7 +107,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 960,
+    "agent": 970,
     "attacks": 1880,
     "cli": 1640,
     "faults": 1030,
@@ -117,15 +117,15 @@ BUDGET: Mapping[str, int] = {
     "launcher": 2340,
     "messages": 980,
     "network": 1580,
-    "plant": 5060,
+    "plant": 5230,
     "recording": 2000,
     "report": 2320,
     "scenario": 1590,
     "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1640,
-    "theory": 9500,
+    "swarm": 1650,
+    "theory": 9520,
     "viewer": 5260,
     "wire": 700,
 }
@@ -311,7 +311,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_170), ("phalanx.launcher.simulation", 21_720)]
+    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_780)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -187,8 +187,8 @@ class Assumptions:
         self._sampled[i] = t, self._x
 
     def state_at_sample(self, i: int) -> Array:
-        """Return agent i's true state at its last sample, shape (n_i,)."""
-        return self._sampled[i][1][self._parts[i]]
+        """Return the true stacked state at agent i's last sample, shape (n̄,)."""
+        return self._sampled[i][1]
 
     def _check_gap(self, i: int, t: float) -> None:
         last, _ = self._sampled.get(i, (0.0, self._x))

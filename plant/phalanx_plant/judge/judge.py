@@ -24,6 +24,7 @@ from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.recording.records import Level, Log
+from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import LARGEST
@@ -95,6 +96,7 @@ class Judge:
         self.coverage = Coverage(swarm)
         self.coverage.begin(swarm.start())
         self.claims = Claims(swarm)
+        self._knowledge = part_of_agent("agents.radio judged")(swarm) if swarm.by_radio else None
         self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims)
         self._steps = 0
         """Inputs applied."""
@@ -129,13 +131,18 @@ class Judge:
             steps=self._steps,
             origins=self._origins,
             assumptions=assumptions.of_guarantee,
-            theorem=assumptions.of_theorem,
+            theorem=[*assumptions.of_theorem, *self._known],
             certificates=self.coverage.summary,
             violations=extremes.violations(),
             excluded=extremes.excluded(),
             trust=self._trust,
             rejected={f"by agent {name}": now + old for name, now, old in counts if now + old},
         )
+
+    @property
+    def _known(self) -> list[Assumption]:
+        held: Assumption | None = self._knowledge and self._knowledge.held
+        return [held] if held and held.checked else []
 
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         """Judge the next events in order, and append the results; a sample has none.
@@ -245,6 +252,8 @@ class Judge:
             if effect.process is ProcessChange.STARTS:
                 self._rejected_before[i] += self._rejected[i]
                 self._rejected[i] = 0
+                if self._knowledge is not None:
+                    self._knowledge.restarted(i)
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
         level = Level.WARNING if command.is_failure else Level.INFO
@@ -264,7 +273,7 @@ class Judge:
 
     def _applied(self, event: InputApplied, telemetry: Telemetry, proven: Array) -> Judged:
         i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
-        received, notices = self._report(i, event.t_sample, telemetry)
+        received, notices = self._report(event, telemetry)
         origin = telemetry.report.origin
         self.claims.add_truth(i, event.k, self._truth(event), event.t_apply)
         self.assumptions.applied(event, telemetry)
@@ -282,7 +291,7 @@ class Judge:
         return Judged(event, notices, step=step, received=received)
 
     def _lost(self, event: InputLost, telemetry: Telemetry) -> Judged:
-        received, notices = self._report(event.i, event.t_sample, telemetry)
+        received, notices = self._report(event, telemetry)
         self.claims.add_truth(event.i, event.k, self._truth(event), np.inf)
         self.assumptions.lost(event)
         notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
@@ -292,7 +301,8 @@ class Judge:
         """Return what agent i's broadcast of an input has to state."""
         x: tuple[float, ...] = ()
         if event.i in self._with_radio:
-            x = tuple(self.assumptions.state_at_sample(event.i).tolist())
+            state = self.assumptions.state_at_sample(event.i)
+            x = tuple(state[self._swarm.safe_set.parts[event.i]].tolist())
         return AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()), x)
 
     def _lost_member(self, event: MemberLost) -> Judged:
@@ -304,9 +314,10 @@ class Judge:
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
 
     def _report(
-        self, i: int, t: float, telemetry: Telemetry
+        self, event: InputApplied | InputLost, telemetry: Telemetry
     ) -> tuple[list[tuple[DeliveryReport, Finding]], list[Log]]:
-        """Check the broadcasts in agent i's report on its sample at t [s], and return warnings."""
+        """Check the broadcasts in an agent's report on its sample, and return warnings."""
+        i, t = event.i, event.t_sample
         self._rejected[i] = telemetry.rejected
         # An adversary may accuse whom it likes.
         believed = i in self._swarm.normal and i not in self._turned
@@ -316,6 +327,10 @@ class Judge:
             if finding.false:
                 sender = self._names[fate.sender]
                 notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        if self._knowledge is not None and i in self._with_radio:
+            late = isinstance(event, InputLost) or event.t_apply > t
+            x = self.assumptions.state_at_sample(i)
+            self._knowledge.sampled(i, t, x, telemetry, late, self._turned)
         for conviction in telemetry.convictions if believed else ():
             notices.append(self._conviction(i, t, conviction))
         return received, notices
