@@ -53,14 +53,14 @@ class Beliefs(Protocol):
 
     @property
     def convictions(self) -> Sequence[Conviction]:
-        """Of peers that contradicted themselves, new ones."""
+        """New convictions, of peers that contradicted themselves."""
 
     @property
     def age(self) -> Mapping[int, float]:
-        """Of each peer the time since what is known of it was sampled [s]."""
+        """Time since what is known of each peer was sampled [s]."""
 
     def boxes(self) -> Mapping[int, StateBox]:
-        """Of each peer the box in which it is."""
+        """Return for each peer the box in which it is."""
 
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
@@ -76,7 +76,7 @@ class RadioFilter(SafetyFilter, Protocol):
 
     @property
     def with_beliefs(self) -> Beliefs:
-        """What it knows of them."""
+        """Its knowledge of them."""
 
     @property
     def reference(self) -> Array | None:
@@ -125,7 +125,7 @@ class DistributedController:
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
-        radio, convictions = self._radio, ()
+        radio, convictions = self._radio, tuple[Conviction, ...]()
         if radio is not None:
             x, visible = radio.with_beliefs(x, visible, t, received)
         view = self._view(x, visible, t)

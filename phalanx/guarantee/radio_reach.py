@@ -1,4 +1,4 @@
-"""What radio can decide, known before a run: where it binds, and how old knowledge will be.
+"""Radio before a run: at what distances it can decide anything, and how old knowledge will be.
 
 Numbers are for two peers that meet head-on, each at the largest speed that starts, goals and laws
 show; of kinds of pairs the largest count.

@@ -59,9 +59,9 @@ def unreached(
     p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error
     p_error = p_error + (time + late) * motion.disturbance + late * fastest
     v_error = motion.speed_error + late * (push + motion.drag * fastest)
-    beyond = np.full(newer[:, None, :axes].shape, -np.inf)
+    pushed, beyond = np.array(push), np.full(newer[:, None, :axes].shape, -np.inf)
     for sign in (1.0, -1.0):
-        ends = moved(moved(older[:, None], sign * push, first), -sign * push, last)
+        ends = moved(moved(older[:, None], sign * pushed, first), -sign * pushed, last)
         p, v = np.split(sign * (newer[:, None] - ends), 2, axis=-1)
         beyond = np.maximum(beyond, last.decay * p - last.speed * v)
     outside = beyond - last.decay * p_error - last.speed * v_error

@@ -92,11 +92,11 @@ class PeerKnowledge:
 
     @property
     def age(self) -> Mapping[int, float]:
-        """Of each peer the time since the state that was heard was sampled [s]."""
+        """Time since the state that was heard of each peer was sampled [s]."""
         return {l: self._t - heard.t for l, heard in self._newest.items()}
 
     def boxes(self) -> Mapping[int, StateBox]:
-        """Of each peer the box in which its state is, by what was heard."""
+        """Return for each peer the box in which its state is, by what was heard."""
         if not self._newest:
             return {}
         peers, states = zip(*self._newest.items(), strict=True)

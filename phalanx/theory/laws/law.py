@@ -58,7 +58,7 @@ class View(Struct, frozen=True):
 
     @property
     def box(self) -> Mapping[int, StateBox]:
-        """Of each peer by radio, the box in which it is; its state in x is in the middle."""
+        """Boxes in which peers by radio are, each with the state in x in the middle."""
         return self.boxes()
 
 
@@ -230,7 +230,7 @@ class ControllerView:
 
     @property
     def box(self) -> Mapping[int, StateBox]:
-        """Of each peer by radio, the box in which it is."""
+        """Boxes in which peers by radio are."""
         return self._boxes()
 
     @cached_property
