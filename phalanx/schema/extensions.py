@@ -30,7 +30,6 @@ EXTRAS: Mapping[str, str] = {
     "mcap_protobuf": "foxglove",
     "cryptography": "hosts",
     "distributed": "dask",
-    "rerun": "rerun",
 }
 """The extra of Phalanx that brings a library, by the library's module."""
 PACKAGES: Mapping[str, str] = {"certify": "phalanx-certify", "ros2": "phalanx-ros2"}

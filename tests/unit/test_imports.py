@@ -124,9 +124,9 @@ BUDGET: Mapping[str, int] = {
     "schema": 820,
     "seeded": 180,
     "studies": 2560,
-    "swarm": 1650,
-    "theory": 9520,
-    "viewer": 5260,
+    "swarm": 1610,
+    "theory": 9500,
+    "viewer": 5110,
     "wire": 700,
 }
 EXTENSIONS = {

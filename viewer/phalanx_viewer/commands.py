@@ -126,10 +126,6 @@ def export(
         Path | None,
         typer.Option(callback=_FILE, help="Write a recording for Foxglove and others there."),
     ] = None,
-    rerun: Annotated[
-        Path | None,
-        typer.Option(callback=_FILE, help="Write a recording for rerun there; needs rerun-sdk."),
-    ] = None,
     parquet: Annotated[
         Path | None, typer.Option(callback=_FOLDER, help="Write the run's tables there, a folder.")
     ] = None,
@@ -142,7 +138,6 @@ def export(
 
       phalanx export runs/unicycles-1 --html run.html
       phalanx export runs/unicycles-1 --mcap shown.mcap
-      phalanx export runs/unicycles-1 --rerun shown.rrd
       phalanx export runs/unicycles-1 --parquet tables
     """
     from phalanx.cli.display import spinner
@@ -151,7 +146,7 @@ def export(
     from phalanx.recording.read import UnreadableRecordingError, find, read
     from phalanx_viewer.export.write import run as write
 
-    files = {"html": html, "png": png, "mcap": mcap, "rerun": rerun}
+    files = {"html": html, "png": png, "mcap": mcap}
     paths = files | {"parquet": parquet, "csv": csv}
     if not any(paths.values()):
         raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in paths)}")

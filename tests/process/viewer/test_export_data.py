@@ -145,66 +145,6 @@ def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_pa
     assert {level for text, level in levels.items() if text.startswith("failed: ")} == {"WARNING"}
 
 
-SHOWN = ("Scalars", "Transform3D", "Arrows3D", "Boxes3D", "LineStrips3D", "TextLog")
-
-
-@pytest.fixture(scope="module")
-def for_rerun(finished, tmp_path_factory) -> dict[str, dict[str, list]]:
-    """Every column of every entity, as rerun reads them back."""
-    reader = pytest.importorskip("rerun.chunk", reason="needs pip install '.[rerun]'").RrdReader
-    path = tmp_path_factory.mktemp("exported") / "shown.rrd"
-    assert run(finished.recording, rerun=path) == [path]
-    assert len(reader(str(path)).blueprints()) == 1
-    entities: dict[str, dict[str, list]] = {}
-    for chunk in reader(str(path)).stream().to_chunks():
-        columns = entities.setdefault(chunk.entity_path, {})
-        batch = chunk.to_record_batch()
-        for name in (n for n in batch.schema.names if n == "t" or n.startswith(SHOWN)):
-            column = batch.column(name)
-            values = (column.cast("int64") if name == "t" else column).to_pylist()
-            columns.setdefault(name, []).extend(values)
-    return entities
-
-
-def test_rerun_plots_states_inputs_and_h_of_the_recording(for_rerun, finished):
-    def plotted(entity: str) -> list[float]:
-        return [value for (value,) in for_rerun[entity]["Scalars:scalars"]]
-
-    inputs = finished.inputs.filter(agent="1")
-    assert plotted("/agents/1/state/x") == finished.states["1.x"].to_list()
-    assert plotted("/agents/1/step/u_vx") == inputs["u.vx"].to_list()
-    assert plotted("/h/h_tot") == finished.states["h_tot"].to_list()
-    assert plotted("/h/1-2") == pytest.approx(finished.h["1-2"].to_list())
-    recorded = {
-        f"/agents/1/step/{name}": inputs[name].drop_nulls().to_list() for name in QUANTITIES
-    }
-    for entity, values in recorded.items():
-        assert (plotted(entity) if entity in for_rerun else []) == values
-    assert "/agents/2/step/certified" not in for_rerun  # an adversary has no certificates
-    nanoseconds = [round(1e9 * t) for t in finished.states["t"]]
-    assert for_rerun["/agents/1/state/x"]["t"] == nanoseconds
-
-
-def test_rerun_shows_bodies_that_move_and_who_is_unsafe(for_rerun, finished):
-    moved = for_rerun["/world/agents/1"]["Transform3D:translation"]
-    there = finished.states.select("1.x", "1.y").to_numpy()
-    assert np.allclose([place[:2] for (place,) in moved], there, atol=1e-5)
-    assert for_rerun["/world/agents/1/body"]["Arrows3D:labels"] == [["1"]]
-    lines = for_rerun["/world/violated"]["LineStrips3D:strips"]
-    deep = finished.h.filter(pl.col("1-2") > 0)
-    assert sum(1 for strips in lines if strips) >= len(deep) > 0
-
-
-def test_rerun_shows_the_log_with_its_levels(for_rerun):
-    log = for_rerun["/log"]
-    lines = zip(log["TextLog:text"], log["TextLog:level"], strict=True)
-    levels = {text: level for (text,), (level,) in lines}
-    assert levels["1-2 left the safe set"] == "ERROR"
-    assert {level for text, level in levels.items() if text.startswith("failed: ")} == {"WARN"}
-    (verdict,) = (text for text in levels if text.startswith("violated: "))
-    assert levels[verdict] == "ERROR"
-
-
 @pytest.mark.parametrize(
     ("kind", "read"), [("parquet", pl.read_parquet), ("csv", pl.read_csv)], ids=["parquet", "csv"]
 )

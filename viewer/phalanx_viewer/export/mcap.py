@@ -53,7 +53,7 @@ from mcap_protobuf.schema import register_schema
 from phalanx.files import whole_file
 from phalanx.scenario.model import to_json
 from phalanx.theory.arrays import Array
-from phalanx_viewer.export.common import Content, Numbers
+from phalanx_viewer.export.content import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes

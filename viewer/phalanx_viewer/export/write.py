@@ -13,7 +13,7 @@ from phalanx.recording.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
-from phalanx_viewer.export.common import Content
+from phalanx_viewer.export.content import Content
 from phalanx_viewer.export.still import draw
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content, script
@@ -41,9 +41,8 @@ def run(
         recorded: the run.
         at: time of the picture [s]; by default the worst moment.
         progress: called with the name of the next part.
-        paths: of html, a self-contained page; png, a picture; mcap and rerun, recordings for
-            Foxglove and for rerun's viewer, which needs rerun-sdk; parquet and csv, folders for
-            the run's tables.
+        paths: of html, a self-contained page; png, a picture; mcap, a recording for Foxglove and
+            others; parquet and csv, folders for the run's tables.
 
     Returns the files written. Raises OSError, and ValueError for a time outside the run.
     """
@@ -67,11 +66,6 @@ def run(
                 from phalanx_viewer.export.mcap import write_mcap
 
                 write_mcap(Content(recorded, model), path)
-            case "rerun":
-                progress("entities")
-                from phalanx_viewer.export.rerun import write_rerun
-
-                write_rerun(Content(recorded, model), path)
             case _:
                 written += _write_tables(recorded, model.swarm, path, kind)
                 continue

@@ -1,4 +1,4 @@
-"""The scene as data: the picture of one frame, and plain shapes for Foxglove, rerun and ROS 2."""
+"""The scene as data: the picture of one frame, and plain shapes for Foxglove and ROS 2."""
 
 from collections.abc import Iterator
 from enum import Enum, auto

@@ -1,4 +1,4 @@
-"""Contents of the recordings for Foxglove and rerun: numbers, violated pairs, and the log."""
+"""Contents of an exported recording: numbers, violated pairs, and the log."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
