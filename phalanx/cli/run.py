@@ -217,7 +217,7 @@ def _task(finished: "Run") -> str:
 
     try:
         if find(finished.folder).stat().st_size > _LARGE:
-            return "a large recording: see phalanx compare, or metrics in the report"
+            return "a large recording: see metrics in the report"
         swarm = swarm_of(finished.recording)
         normal = [swarm.names[i] for i in swarm.normal]
         return in_words(metrics_of(finished.recording, swarm), normal)

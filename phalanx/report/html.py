@@ -54,8 +54,6 @@ thead th { color: var(--quiet); } tbody tr:nth-child(even) { background: var(--s
 .guaranteed { --badge: #1a7f46; } .safe { --badge: #a86a00; } .violated { --badge: #c1121f; }
 .broken, .stopped, .unfinished { --badge: #5d6570; }
 figure { margin: 1.2rem 0; } figcaption { font-size: .9rem; margin-top: .3rem; }
-.side-by-side { display: grid; gap: 1rem;
-  grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); }
 figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
   max-width: 100%; display: block; }
 .verdict + figure img { max-height: 60vh; }

@@ -169,16 +169,6 @@ def metric_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, .
     return [(name, *(_number(metrics[name][metric]) for metric in METRICS)) for name in agents]
 
 
-def swarm_rows(metrics: Mapping[str, Mapping[str, Value]]) -> list[tuple[str, str]]:
-    """Return each metric of the swarm by title; none if it has no value."""
-    swarm = metrics[SWARM]
-    return [
-        (title, _number(swarm[name]))
-        for (name, title) in zip(METRICS, METRIC_HEAD[1:], strict=True)
-        if swarm[name] is not None
-    ]
-
-
 def _number(value: Value) -> str:
     if value is None:
         return "–"

@@ -34,7 +34,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     "command",
     [
         pytest.param(["report"], marks=pytest.mark.nightly),
-        pytest.param(["compare", "{whole}"], marks=pytest.mark.nightly),
         ["certify"],
         ["export", "--html", "{file}"],
         ["export", "--mcap", "{file}"],

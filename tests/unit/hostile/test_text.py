@@ -83,7 +83,6 @@ def printable_output(capsys: pytest.CaptureFixture[str]) -> str:
     "command",
     [
         pytest.param(["report", "RUN"], marks=pytest.mark.nightly),
-        pytest.param(["compare", "RUN", "RUN", "--html", "OUT.html"], marks=pytest.mark.nightly),
         ["verify", "RUN", "--engine", "in-process"],
         ["certify", "RUN"],
         ["export", "RUN", "--html", "OUT.html", "--mcap", "OUT.mcap", "--csv", "OUT"],
@@ -107,7 +106,6 @@ def test_a_command_prints_text(
     "command",
     [
         ["report"],
-        ["compare", "RUN"],
         ["verify"],
         ["certify"],
         ["view"],
