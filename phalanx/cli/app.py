@@ -49,7 +49,6 @@ def core() -> typer.Typer:
     app.command()(verify)
     app.command()(tap)
     app.add_typer(fit.commands, name="fit")
-    app.add_typer(fit.links, name="network")
     app.command(rich_help_panel=_PROGRAMS)(plant)
     app.command(rich_help_panel=_PROGRAMS)(agent)
     return app

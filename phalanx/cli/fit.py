@@ -1,12 +1,12 @@
-"""phalanx fit: a scenario's tables from measurements; phalanx network: those that ship."""
+"""phalanx fit disturbance: a bound on the disturbance from recorded runs."""
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from decimal import ROUND_CEILING, Context
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -19,56 +19,8 @@ if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
     from phalanx.theory.arrays import Array
 
-commands = typer.Typer(
-    no_args_is_help=True, help="Fit tables of a scenario to measured delays or recorded runs."
-)
-links = typer.Typer(no_args_is_help=True, help="Models of links that ship.")
+commands = typer.Typer(no_args_is_help=True, help="Fit a scenario's table to recorded runs.")
 _ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
-
-
-@links.command()
-def presets() -> int:
-    """Print every preset with its fields and where they are from."""
-    from phalanx.network.presets import PRESETS
-
-    for name, preset in PRESETS.items():
-        echo(f"# {name}: {preset.source}", *_toml(preset.table))
-    return 0
-
-
-@commands.command()
-def network(
-    capture: Annotated[
-        Path,
-        typer.Argument(help="CSV with a column delay, empty where a message was lost."),
-    ],
-    unit: Annotated[
-        Literal["s", "ms", "us"] | None,
-        typer.Option(help="Unit of the delays; by default s if plausible.", show_default=False),
-    ] = None,
-) -> int:
-    """Print the network table that fits measured delays and losses best.
-
-    The CSV has one line for each message, in the order of sending, so that bursts can be found.
-
-    Examples:
-
-      phalanx fit network capture.csv
-      phalanx fit network capture.csv --unit ms > network.toml
-    """
-    from phalanx.network.fit import CaptureError, fit, read_capture
-
-    try:
-        with capture.open(encoding="utf-8", newline="") as lines:
-            link = fit(read_capture(lines, unit))
-    except (CaptureError, OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise typer.BadParameter(f"{capture}: {reason}") from error
-    echo(f"# {link.messages} messages, {link.lost} lost")
-    echo(f"# half of the delays are below {1e3 * link.median:.4g} ms; those of the model are")
-    echo(f"# off by {link.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
-    echo(*_toml(link.table))
-    return 0
 
 
 @commands.command()
@@ -202,9 +154,3 @@ def _with_bounds(scenario: "Scenario", bounds: Sequence[float]) -> "Scenario":
     for group, bound in zip(table["agents"], bounds, strict=True):
         group["disturbance"]["bound"] = bound
     return from_json(json.dumps(table))
-
-
-def _toml(fields: Mapping[str, Any]) -> list[str]:
-    from phalanx.scenario.load import inline
-
-    return ["[network]", *(f"{key} = {inline(value)}" for key, value in fields.items()), ""]

@@ -102,7 +102,7 @@ class LinkTable(Strict):
     def _from_preset(cls, table: Any) -> Any:
         name = table.get("preset") if isinstance(table, dict) else None
         preset = PRESETS.get(name) if isinstance(name, str) else None
-        return {**preset.table, **table} if preset else table
+        return {**preset, **table} if preset else table
 
     @model_validator(mode="after")
     def _built(self) -> Self:

@@ -41,7 +41,7 @@ def test_a_program_of_a_run_starts_without_libraries_of_other_commands(program):
 
 
 TOP = get_command(extended()).commands
-COMMANDS = TOP | TOP["network"].commands | TOP["fit"].commands
+COMMANDS = TOP | TOP["fit"].commands
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))
