@@ -42,8 +42,7 @@ def attack(
         ),
     ] = None,
     optimiser: Annotated[
-        Literal["cma-es", "differential-evolution", "random"],
-        typer.Option(help="cma-es needs the extra `attack`."),
+        Literal["cma-es", "random"], typer.Option(help="cma-es needs the extra `lab`.")
     ] = "cma-es",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search; runs have their own.")] = 0,
     batch: Annotated[

@@ -43,25 +43,6 @@ def random_search(space: Space, evaluator: Evaluator, seed: int, batch: int | No
         begin += size
 
 
-def differential_evolution(
-    space: Space, evaluator: Evaluator, seed: int, batch: int | None
-) -> None:
-    """Do SciPy's differential evolution; a choice is a number that is rounded down."""
-    from scipy.optimize import differential_evolution as minimise
-
-    width, again = space.numbers + len(space.choices), 0
-    while True:
-        draws = Draws(seed, "attack", "differential evolution", str(again), width=width)
-        begin = np.array([draws[k] for k in range(max(batch or 10, 5))])
-        minimise(
-            lambda x: np.array(evaluator.costs([_point(space, column) for column in x.T])),
-            bounds=[(0.0, 1.0)] * width, init=begin, vectorized=True, updating="deferred",
-            polish=False, seed=(seed + again) % 2**32, maxiter=10**6,
-        )  # fmt: skip
-        again += 1
-        evaluator.next_target()
-
-
 def cma_es(space: Space, evaluator: Evaluator, seed: int, batch: int | None) -> None:
     """Do CMA-ES with margin and categories; it begins again when it no longer improves.
 
@@ -108,9 +89,5 @@ def _point(space: Space, x: Any) -> Point:
     return Point(tuple(numbers), tuple(min(int(v * count), count - 1) for v, count in pairs))
 
 
-OPTIMISERS: dict[str, Optimiser] = {
-    "cma-es": cma_es,
-    "differential-evolution": differential_evolution,
-    "random": random_search,
-}
+OPTIMISERS: dict[str, Optimiser] = {"cma-es": cma_es, "random": random_search}
 """By name, the default first."""

@@ -7,14 +7,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from phalanx.attacks.archive import Behaviour, Find, table_of
-from phalanx.attacks.robustness import evaluate
+from phalanx.attacks.archive import Behaviour, Find
 from phalanx.attacks.search import History, Search
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
-from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
-from phalanx.scenario.load import load
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
+from phalanx.report.style import NORMAL, PEAK, legend, panels
 
 _HEIGHT = 3.0
 """[inch]"""
@@ -36,7 +32,7 @@ def write_attack_page(
         archived = search.archive.best_first
         parts.append(section("Archive: the best attack of each behaviour", _table(archived, files)))
         if archived:
-            parts.append(section("The best attack", _best(search, archived[0][1], files)))
+            parts.append(section("The best attack", _best(archived[0][1], files)))
     else:
         parts.append(note("No run yet."))
     return save_page(path, f"Attacks on {name}", parts, about=_INTRODUCTION)
@@ -101,45 +97,10 @@ def fresh(find: Find) -> str:
     return f"{find.fresh_violated} of {len(find.fresh)} [{low:.0%}, {high:.0%}]"
 
 
-def _best(search: Search, find: Find, files: dict[str, Path]) -> str:
-    """Return its verdict, its paths, and the fields in which it differs from the scenario."""
-    evaluation = evaluate(load(table_of(search.space.table, find)))
-    caption = (
-        f"Paths seen from above, from the dots on to {find.when:.3f} s, and the distance of each "
-        "adversary to the nearest normal agent over time. Adversaries are red."
-    )
-    t, x = evaluation.recording.times, evaluation.recording.x
-    pictures = drawing(caption, partial(space_time_figure, search.swarm, t, x, find.when))
+def _best(find: Find, files: dict[str, Path]) -> str:
+    """Return its verdict, how to repeat it, and the fields in which it differs."""
     file = files.get(find.row.trajectory)
     command = f" Repeat it: phalanx run {file}" if file else ""
-    verdict = note(f"{evaluation.summary.outcome}: {evaluation.summary.reason}.{command}")
+    verdict = note(f"{find.row.outcome}: {find.row.reason}.{command}")
     changed = [(path, str(value)) for path, value in find.row.overrides.items()]
-    return verdict + pictures + table(("field", "value of this attack"), changed)
-
-
-def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
-    """Draw the distances of adversaries over time, and all paths up to a time [s]."""
-    figure = Figure(figsize=(current().width, _HEIGHT), layout="constrained")
-    above, over_time = figure.subplots(1, 2)
-    for panel in (above, over_time):
-        style_axes(panel)
-    points = np.array([swarm.positions(state) for state in x[:: max(1, len(x) // 500)]])
-    t = t[:: max(1, len(t) // 500)]
-    until = t <= when
-    for i, member in enumerate(swarm.members):
-        colour = ADVERSARY if member.adversary else NORMAL
-        above.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
-        above.plot(*points[0, i, :2], "o", color=colour, markersize=4)
-        above.annotate(
-            member.name, points[0, i, :2], (5, 5), textcoords="offset points", color=colour
-        )
-        if member.adversary:
-            distance = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
-            over_time.plot(t, distance.min(axis=1), color=colour, linewidth=1.2, label=member.name)
-    over_time.axvline(when, color=PEAK, linestyle="--", linewidth=1.0)
-    over_time.set(xlabel="t [s]", ylabel="distance [m]")
-    above.set(xlabel="x [m]", ylabel="y [m]")
-    above.set_aspect("equal", adjustable="datalim")
-    if any(member.adversary for member in swarm.members):
-        over_time.legend(frameon=False)
-    return figure
+    return verdict + table(("field", "value of this attack"), changed)

@@ -13,7 +13,6 @@ from phalanx.attacks.archive import Behaviour, Find, write_finds
 from phalanx.attacks.knobs import WITHIN, preset, space_of
 from phalanx.attacks.page import write_attack_page
 from phalanx.attacks.search import History, Options, Search, declaration
-from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table
 from phalanx.studies.pool import Pool
@@ -72,7 +71,6 @@ def attack(
                 search.run(optimiser)
             return _written(search, folder)
         except BaseException:
-            interrupt.clear()  # to write the page is to run the best attack again
             # Until all rows of last time have come up again, its files show more.
             if not search.unseen:
                 _written(search, folder)

@@ -113,15 +113,15 @@ class Search:
     ) -> None:
         """Prepare a search in an open store. Raises ScenarioError, StudyError."""
         base = load(space.table)
-        self.swarm: Swarm = build_swarm(base)
+        swarm = build_swarm(base)
         self.space, self.seed, self.archive = space, base.seed, Archive(base.duration)
         self.histories: list[History] = []
-        self._work = partial(compute, work=partial(measured, attack, scales_of(self.swarm)))
+        self._work = partial(compute, work=partial(measured, attack, scales_of(swarm)))
         self._store, self._options, self._progress = store, options, progress
         self._executing = Executing(executor, math.inf)
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
-        self._targets = _targets(self.swarm)
+        self._targets = _targets(swarm)
         self._target_number = 0
         self.unseen = set[_Key]()
         """Of the store's searched rows, those that no optimiser asked for yet."""

@@ -23,9 +23,6 @@ def shrink(
         str | None,
         typer.Option(help="The scenario attacked, by default the shipped one of the same name."),
     ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Name of the result; by default the file's.")
-    ] = None,
     out: Annotated[Path | None, typer.Option(help="Write it there; by default print it.")] = None,
 ) -> int:
     """Find the smallest scenario that is violated as an attack is.
@@ -44,7 +41,7 @@ def shrink(
     table = read_table(file)
     attacked = attacked or str(table.get("name", ""))
     origin = read_table(attacked)
-    shrunk = smallest({**table, "name": name or table["name"]}, origin)
+    shrunk = smallest(table, origin)
     text = attack_text(shrunk, origin, attacked, f"phalanx run {out or 'FILE'}")
     if out is None:
         echo(text)
