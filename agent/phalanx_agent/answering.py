@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 from phalanx.messages.keys import kind_and_name
 from phalanx.messages.kinds import Broadcast, Sample
-from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed, Refusals, Sealer
 from phalanx.swarm.watchdog import Watchdog
 from phalanx_agent.step import Accepted, Answer, ControlStep
@@ -41,12 +40,6 @@ class SampleAnswering:
         self.pending: Accepted | None = None
         """The sample that waits for broadcasts."""
 
-    def time(self, stopwatch: Stopwatch) -> None:
-        """Time computing and handling of messages; the rest of the wall time is waiting."""
-        stopwatch.time(self, "answer", "compute")
-        stopwatch.time(self, "on_sample", "message")
-        stopwatch.time(self, "on_broadcast", "message")
-
     def on_sample(self, key: str, payload: bytes) -> None:
         """Handle a sample."""
         try:
@@ -72,10 +65,6 @@ class SampleAnswering:
         else:
             self._answer_if_complete()
 
-    def answer(self, accepted: Accepted) -> Answer:
-        """Compute the answer to a sample; a method of its own to be timed."""
-        return self._step(accepted)
-
     def _answer_if_complete(self) -> None:
         # Broadcasts come from other sessions than samples, in any order: a sample may come before
         # a broadcast that it counts.
@@ -84,7 +73,7 @@ class SampleAnswering:
             return
         self.pending = None
         try:
-            self._send(self.answer(accepted))
+            self._send(self._step(accepted))
         except Exception as error:  # a user's law may raise any, and Zenoh would drop it
             self.error = error
             self._give_up()

@@ -8,13 +8,11 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from pathlib import Path
 from queue import SimpleQueue
 
 from phalanx.messages.keys import PLANT, Keys
 from phalanx.messages.kinds import LONGEST_FAILURE, StepFailedError, Telemetry
 from phalanx.messages.membership import Membership
-from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Sealer
 from phalanx.messages.step_report import StepReport
 from phalanx.swarm.rows import SafetyRows
@@ -33,13 +31,12 @@ _LONGEST_SILENCE = 16.0
 """Twice the longest step [s]: Zenoh closes a connection that was not read for 10 s."""
 
 
-def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None) -> int:
+def run(rows: SafetyRows, membership: Membership) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
 
     Args:
         rows: of the scenario, whose digest must be the plant's.
         membership: of the run; its identity is the program's name.
-        profile: folder for the profile of the wall time.
 
     Returns:
         Exit status 0.
@@ -47,27 +44,24 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     Raises:
         HubError: the hub cannot be reached. Exception: that of a control step.
     """
-    return _take_part(control_steps(rows, membership.identity, membership), membership, profile)
+    return _take_part(control_steps(rows, membership.identity, membership), membership)
 
 
-def run_together(
-    rows: SafetyRows, memberships: Sequence[Membership], *, profile: Path | None = None
-) -> int:
+def run_together(rows: SafetyRows, memberships: Sequence[Membership]) -> int:
     """Run several agents in this process, each with a session, keys and an inbox of its own.
 
     Returns and raises as run, once all have left.
     """
     # All theory is built first: CasADi is not for several threads.
-    built = [(control_steps(rows, own.identity, own), own, profile) for own in memberships]
+    built = [(control_steps(rows, own.identity, own), own) for own in memberships]
     with ThreadPoolExecutor(len(built)) as threads:
         tasks = [threads.submit(_take_part, *program) for program in built]
     return max(task.result() for task in tasks)
 
 
-def _take_part(steps: list[ControlStep], membership: Membership, profile: Path | None) -> int:
+def _take_part(steps: list[ControlStep], membership: Membership) -> int:
     """Answer samples until the plant leaves."""
     keys, sealer, swarm = membership.keys, membership.sealer, steps[0].swarm
-    stopwatch = Stopwatch() if profile else None
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
     if threading.current_thread() is threading.main_thread():
@@ -99,8 +93,6 @@ def _take_part(steps: list[ControlStep], membership: Membership, profile: Path |
         ]
         while_open.enter_context(pending_watchdog(timeout, answerings))
         for step, answering in zip(steps, answerings, strict=True):
-            if stopwatch:
-                answering.time(stopwatch)
             pubsub.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             pubsub.subscribe(session, keys.sample(step.name), answering.on_sample)
 
@@ -118,8 +110,6 @@ def _take_part(steps: list[ControlStep], membership: Membership, profile: Path |
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         log.info("leaving: %s", leaving.get())
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
-    if stopwatch and profile:
-        stopwatch.write(profile, membership.identity)
     for answering in answerings:
         if answering.error is not None:
             raise answering.error

@@ -11,7 +11,6 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
-from phalanx.launcher.run import Run
 from phalanx.launcher.streams import echo_error, printable
 from phalanx.messages.kinds import Status
 from phalanx.scenario.model import Scenario
@@ -190,20 +189,6 @@ def print_summary(summary: Summary, task: str = "") -> None:
     if summary.punctuality:
         for name, value in timing_rows(summary.punctuality):
             table.add_row(f"real time: {name}", value)
-    Console().print(table)
-
-
-def print_profile(run: Run) -> None:
-    """Print the phases of the plant's wall time, and of each group's agents on average."""
-    groups = {name: ", ".join(group.names) for name, group, _ in run.scenario.roster()}
-    by_phase: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    for program, phase, _, share, per_step in run.profile.iter_rows():
-        part = by_phase.setdefault((groups.get(program, program), phase), [])
-        part.append((share, per_step))
-    table = TextTable("program", "phase", "µs per step", "share")
-    for (program, phase), values in by_phase.items():
-        share, per_step = (sum(column) / len(values) for column in zip(*values, strict=True))
-        table.add_row(program, phase, f"{per_step * 1e6:.0f}", f"{share:.0%}")
     Console().print(table)
 
 

@@ -40,9 +40,6 @@ DryRun = Annotated[
 ]
 Report = Annotated[bool, typer.Option(help="Make the report when the run is over.")]
 Strict = Annotated[bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")]
-Profile = Annotated[
-    bool, typer.Option("--profile", help="Measure the phases of every program's wall time.")
-]
 View = Annotated[
     bool,
     typer.Option(
@@ -87,7 +84,6 @@ def run(
     insecure: Insecure = False,
     report: Report = True,
     strict: Strict = False,
-    profile: Profile = False,
     view: View = False,
     speed: Speed = None,
     commands: Commands = False,
@@ -106,7 +102,6 @@ def run(
       phalanx run unicycles --engine in-process --no-report
       phalanx run my-scenario.toml --out /data/runs --strict
       phalanx run unicycles --view --commands
-      phalanx run formation3d --profile --no-report
       phalanx run unicycles --real-time --set time.latency=0.005
     """
     if not ENGINES[engine].hub:
@@ -155,7 +150,6 @@ def run(
                     listen=listen,
                     secret=secret.encode(),
                     announce=page.serve if page else silent,
-                    profile=profile,
                     real_time=real_time,
                     agents_per_process=agents_per_process,
                 )
@@ -166,7 +160,7 @@ def run(
             raise typer.BadParameter(
                 f"--out: cannot create a folder in {out}: {error.strerror}"
             ) from error
-        outcome = _show(finished, profile, report)
+        outcome = _show(finished, report)
         if dry_run:
             echo("dry run: nothing was sent to the robots")
         if page:
@@ -191,15 +185,13 @@ def _page(port: int | None, command_secret: bytes) -> Any:
     return page
 
 
-def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
+def _show(finished: "Run", report: bool) -> "Outcome":
     """Print the key figures of the run, the verdict last."""
-    from phalanx.cli.display import last_line, print_profile, print_summary
+    from phalanx.cli.display import last_line, print_summary
 
     summary = finished.summary
     assert summary is not None
     print_summary(summary, _task(finished))
-    if profile:
-        print_profile(finished)
     if report:
         _write_report(finished)
     if summary.on_theorem:

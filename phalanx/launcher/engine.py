@@ -99,7 +99,6 @@ class RunOptions:
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
         secret: seals the run's messages; by default random.
         announce: called with the run's folder when viewers can connect.
-        profile: measure where every program's wall time goes; see Run.profile.
         real_time: seconds of virtual time per second of wall time; the plant then waits for no
             agent, and Summary.punctuality counts what was missed or late. By default lockstep.
         agents_per_process: agents that share a process of engine "processes". Each keeps its own
@@ -117,7 +116,6 @@ class RunOptions:
     listen: str | None = None
     secret: bytes = field(default=b"", repr=False)
     announce: Announce = silent
-    profile: bool = False
     real_time: float | None = None
     agents_per_process: int = 1
 

@@ -35,7 +35,7 @@ from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import SAYS, Status
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed
-from phalanx.recording.records import PROFILE, SUMMARY
+from phalanx.recording.records import SUMMARY
 from phalanx.scenario.model import Scenario, to_json
 from phalanx.schema.user_code import of_session
 from phalanx.wire.pubsub import subscribe
@@ -102,12 +102,11 @@ def _run(
 
 
 def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
-    timed = {"profile": folder / PROFILE} if options.profile else {}
     plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
     names, many = list(scenario.programs()), options.agents_per_process
     together = [names[k : k + many] for k in range(0, len(names), many)]
-    agents = [Program(first, timed, tuple(others)) for first, *others in together]
-    return [Program(PLANT, {**plant, **timed}), *agents]
+    agents = [Program(first, others=tuple(others)) for first, *others in together]
+    return [Program(PLANT, plant), *agents]
 
 
 def _require_alone(scenario: Scenario) -> None:

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol
 from phalanx.faults.commands import require_valid
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute, require_functions, silent
-from phalanx.messages.profile import read_profile
 from phalanx.recording.read import Recording, read, swarm_of
-from phalanx.recording.records import PROFILE
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.schema.extensions import extension
@@ -149,17 +147,6 @@ class Run:
         from phalanx.launcher.network_effect import network_effect
 
         return pl.DataFrame(network_effect(self.scenario), orient="row")
-
-    @cached_property
-    def profile(self) -> "pl.DataFrame":
-        """Shares of every program's wall time, if the run was made with profile=True; else empty.
-
-        One row for each program and phase: seconds, share of the program's wall time, and
-        per_step [s]. An agent's steps are its own, the plant's are those of all agents.
-        """
-        from phalanx.recording.tables import profile_table
-
-        return profile_table(read_profile(self.folder / PROFILE), self.summary)
 
     def report(
         self, progress: Callable[[str], None] | None = None, *, style: str = "screen"

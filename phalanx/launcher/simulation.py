@@ -25,10 +25,9 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.messages.kinds import Sample, Status, StepFailedError, Telemetry
-from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed
 from phalanx.recording.read import Recording
-from phalanx.recording.records import PROFILE, RECORDING, SUMMARY, State, Step
+from phalanx.recording.records import RECORDING, SUMMARY, State, Step
 from phalanx.recording.write import RecordingWriter, write_summary
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
@@ -69,11 +68,11 @@ class Simulation:
         Args:
             rows: of the scenario.
             records: the run's folder, which gets its files; or what takes its records, if anything.
-            options: commands, progress and profile of the run.
+            options: commands and progress of the run.
         """
         self.summary: Summary | None = None
         """Of the run, once it is over."""
-        self._rows, self._stopwatch = rows, Stopwatch() if options.profile else None
+        self._rows = rows
         folder, sink = (records, None) if isinstance(records, Path) else (None, records)
         self._folder, self._count = folder, 0
         self._wall = 0.0
@@ -87,9 +86,6 @@ class Simulation:
             self.plant = PlantRun(rows, agents, sink, self.queue, self._make_clock)
             self._instants = self._watched_instants()
             self._opened = opened.pop_all()
-        if self._stopwatch:
-            self.plant.time(self._stopwatch)
-            self._stopwatch.time(agents, "send_sample", "compute")
 
     def _make_clock(self, *parts: Any) -> Lockstep:
         self.clock = Lockstep(*parts)
@@ -160,8 +156,6 @@ class Simulation:
     def _write(self, summary: Summary) -> Summary:
         self.summary = summary
         if self._folder:
-            if self._stopwatch:
-                self._stopwatch.write(self._folder / PROFILE, "in-process")
             write_summary(summary, self._folder / SUMMARY, self._recording)
         return summary
 

@@ -5,13 +5,10 @@ Each begins with run, scenario and seed, so that tables of several runs can be c
 
 from collections.abc import Sequence
 
-from phalanx.guarantee.verdict import Summary
-from phalanx.messages.profile import TimeSpent
 from phalanx.messages.step_report import QUANTITIES
 from phalanx.recording.read import Recording
 from phalanx.schema.extensions import extras_named
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.exact import added
 
 with extras_named():
     import polars as pl
@@ -115,26 +112,3 @@ def of_run(recording: Recording, table: pl.DataFrame) -> pl.DataFrame:
 def _component(values: Sequence[float], names: Sequence[str], name: str) -> float | None:
     """Return the component of that name, or None if the agent has none."""
     return values[names.index(name)] if name in names and values else None
-
-
-def profile_table(programs: Sequence[TimeSpent], summary: Summary | None) -> pl.DataFrame:
-    """Make a row for each program and phase: seconds, share of its wall time, and per_step [s].
-
-    An agent has its own steps, the plant those of all agents. Time in no phase is waiting of an
-    agent, or the rest of the plant.
-    """
-    rows = []
-    for spent in programs:
-        steps = spent.calls.get("compute") or (summary.steps if summary else 0)
-        remainder = "rest" if "integrate" in spent.phases else "wait"
-        phases = {**spent.phases, remainder: spent.wall - added(spent.phases.values())}
-        rows += [
-            (spent.program, phase, seconds, seconds / spent.wall, seconds / max(steps, 1))
-            for phase, seconds in phases.items()
-        ]
-    return pl.DataFrame(rows, schema=_PROFILE, orient="row")
-
-
-_PROFILE = {"program": pl.String, "phase": pl.String} | dict.fromkeys(
-    ("seconds", "share", "per_step"), pl.Float64
-)

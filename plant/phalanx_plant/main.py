@@ -14,10 +14,8 @@ import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary, exit_status
-from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Ended, Status
 from phalanx.messages.membership import Membership
-from phalanx.messages.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
@@ -84,7 +82,6 @@ def run(
     *,
     folder: Path,
     policy: CommandPolicy = NO_COMMANDS,
-    profile: Path | None = None,
     at_router: bool = False,
     real_time: float | None = None,
     launcher: Connection | None = None,
@@ -96,7 +93,6 @@ def run(
         membership: of the run; the plant listens on its endpoint, unless a router does.
         folder: where the recording and the summary go.
         policy: the secret of live commands, and the scheduled commands.
-        profile: folder for a profile of the wall time.
         at_router: True if a router listens there.
         real_time: seconds of virtual time per second; None: lockstep.
         launcher: sends None once it starts the agents (until then none is late), or why the run
@@ -115,7 +111,6 @@ def run(
     stop = StopRequest()
     hub_class, clock, policy = _clock_for(policy, real_time)
     scenario = rows.swarm.scenario
-    stopwatch = Stopwatch() if profile else None
     try:
         recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
     except RecordingError as error:
@@ -132,15 +127,11 @@ def run(
         if policy.secret:
             hub.session.listen_for_commands(commands.on_command)
         hub.session.answer_viewers(commandable=bool(policy.secret), real_time=policy.real_time)
-        if stopwatch:
-            hub.time(stopwatch)  # before the queue keeps a reference to one of its methods
         try:
             plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
         except WorldError as error:
             _send_result(launcher, str(error))
             raise
-        if stopwatch:
-            plant.time(stopwatch)
 
         def join() -> None:
             if launcher:
@@ -151,8 +142,6 @@ def run(
             gc.freeze()
 
         summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)
-        if stopwatch and profile:
-            stopwatch.write(profile, PLANT)
         write_summary(summary, folder / SUMMARY, recording)
         hub.session.verdict.put(Ended(summary=msgspec.json.encode(summary)))
         _send_result(launcher, summary)

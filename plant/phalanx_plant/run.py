@@ -10,7 +10,6 @@ from msgspec.structs import asdict
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.messages.kinds import Status, Telemetry
-from phalanx.messages.profile import Stopwatch
 from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
@@ -114,7 +113,7 @@ class PlantRun:
         """
         swarm = rows.swarm
         self._scenario, self._declared = swarm.scenario, swarm.links.declared
-        self._recording, self._commands = recording, commands
+        self._commands = commands
         commands.declare(declared(swarm))
         foreign = swarm.scenario.fresh_world()
         integration = ForeignIntegration(swarm, foreign) if foreign else None
@@ -131,16 +130,6 @@ class PlantRun:
             observers.append(Recorder(swarm, recording).record)
         events = EventQueue(self.judge, agents.await_telemetry, observers, self._publisher.idle)
         self._clock = clock(self._world, self._sampling, agents, events, commands)
-
-    def time(self, stopwatch: Stopwatch) -> None:
-        """Time the phases of the plant's work."""
-        stopwatch.time(self._world.integration.motion, "steps", "integrate")
-        stopwatch.time(self.judge.evaluation, "of", "truth")
-        stopwatch.time(self.judge, "judge", "judge")
-        if self._recording is not None:
-            stopwatch.time(self._recording, "write", "record")
-        stopwatch.time(self._publisher, "show", "show")
-        stopwatch.time(self._commands, "wait_until", "wait")
 
     def run(
         self,

@@ -170,24 +170,6 @@ def test_a_page_that_cannot_be_served_says_why(run: phalanx.Run):
             run.view(port)
 
 
-@pytest.mark.parametrize(
-    "engine", [pytest.param("processes", marks=pytest.mark.nightly), "in-process"]
-)
-def test_a_profile_accounts_for_all_of_every_programs_time(run: phalanx.Run, engine):
-    assert run.profile.is_empty()
-    timed = phalanx.run(run.scenario, engine=engine, profile=True)
-    assert timed.summary.trajectory == run.summary.trajectory
-    profile = timed.profile
-    programs = {"plant", "1", "2", "3", "4", "5"} if engine == "processes" else {"in-process"}
-    assert set(profile["program"]) == programs
-    shares = profile.group_by("program").agg(pl.col("share").sum(), pl.col("seconds").min())
-    assert (shares["share"] - 1.0).abs().max() < 1e-9
-    assert (shares["seconds"] >= 0.0).all()
-    plant = profile.filter(pl.col("phase") == "integrate")
-    assert plant["seconds"].sum() <= timed.summary.wall_time
-    assert profile.filter(pl.col("phase") == "compute")["per_step"].min() > 1e-6
-
-
 LEAVES = """
 import sys, phalanx
 run = phalanx.start(phalanx.load("unicycles", {"duration": 0.2}), out=sys.argv[1])

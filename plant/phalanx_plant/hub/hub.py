@@ -15,7 +15,6 @@ import msgspec
 from phalanx.messages.keys import kind_and_name
 from phalanx.messages.kinds import Sample, Status, Telemetry
 from phalanx.messages.membership import Membership
-from phalanx.messages.profile import Stopwatch
 from phalanx.messages.seal import Malformed, Refusals
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -181,12 +180,6 @@ class Hub:
     def __exit__(self, *_: object) -> None:
         self.session.close()
 
-    def time(self, stopwatch: Stopwatch) -> None:
-        """Time sending, receiving, and waiting for reports."""
-        stopwatch.time(self, "send_sample", "send")
-        stopwatch.time(self._answers, "accept", "receive")
-        stopwatch.time(self, "await_telemetry", "wait")
-
     def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
         """Return when every agent has joined with this scenario.
 
@@ -299,11 +292,6 @@ class LockstepHub(Hub):
     """A hub for lockstep, where the run needs every agent."""
 
     may_leave = False
-
-    def time(self, stopwatch: Stopwatch) -> None:
-        """Time waiting for answers, too."""
-        super().time(stopwatch)
-        stopwatch.time(self, "await_input", "wait")
 
     def await_input(self, i: int) -> Array:
         """Wait for agent i's input for its last sample, shape (m_i,).

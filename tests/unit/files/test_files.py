@@ -13,7 +13,6 @@ WRITING = {"write_text", "write_bytes", "write_csv", "write_parquet", "savefig",
 IN_NEW_FOLDERS = {
     "phalanx/hosts/commands.py",
     "phalanx/launcher/run.py",
-    "phalanx/messages/profile.py",
     "phalanx/recording/modules.py",
     "phalanx/theory/expressions/native.py",
 }

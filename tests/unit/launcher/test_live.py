@@ -13,7 +13,6 @@ from phalanx.cli.app import FAILED, status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.live import LIVE, announced, find_live
 from phalanx.messages.membership import Membership
-from phalanx.messages.profile import read_profile
 from phalanx.recording.records import RECORDING, SUMMARY
 
 OURS = Membership("r", "tcp/127.0.0.1:7447", b"secret")
@@ -68,10 +67,8 @@ def test_pipes_in_the_places_of_other_files_are_not_read(tmp_path: Path, capsys)
     folder.mkdir()
     (folder / RECORDING).touch()
     os.mkfifo(folder / SUMMARY)
-    os.mkfifo(folder / "plant.json")
     assert status(["runs", str(tmp_path)]) == 0
     assert "broken: no summary" in capsys.readouterr().out
-    assert read_profile(folder) == []
 
 
 def test_it_has_a_viewers_keys_and_goes_with_the_run(tmp_path: Path) -> None:

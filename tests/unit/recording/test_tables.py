@@ -41,12 +41,11 @@ def in_general(column: str) -> str:
 
 def test_the_page_names_every_column_in_order(run: phalanx.Run) -> None:
     documented = {name: re.findall(r"`([^`]+)`", cells) for name, cells in ROW.findall(PAGE)}
-    columns = {name: getattr(run, name).columns for name in (*TABLES, "metrics", "profile")}
+    columns = {name: getattr(run, name).columns for name in (*TABLES, "metrics")}
     assert documented.keys() == columns.keys()
     for name, headings in columns.items():
-        leading = [] if name == "profile" else EVERY
-        assert headings[: len(leading)] == leading
-        assert documented[name] == list(dict.fromkeys(map(in_general, headings[len(leading) :])))
+        assert headings[: len(EVERY)] == EVERY
+        assert documented[name] == list(dict.fromkeys(map(in_general, headings[len(EVERY) :])))
 
 
 @pytest.mark.slow
