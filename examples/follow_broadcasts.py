@@ -14,7 +14,7 @@ import sys
 import msgpack
 import zenoh
 
-VERSION = 4
+VERSION = 5
 
 
 def key_of(name: str, secret: str) -> bytes:
@@ -50,7 +50,7 @@ def main() -> None:
             if kind == "alive":
                 print(f"following run {run}", flush=True)
             elif fields := opened(key, sample.payload.to_bytes(), secret):
-                _, k, t_apply, u = fields
+                _, k, t_apply, u, *_ = fields
                 print(f"agent {agent} to {peer}  k {k}  from {t_apply:.4f} s  u {u}")
     print("the run is over")
 

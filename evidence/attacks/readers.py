@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import phalanx
@@ -13,8 +14,8 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.messages.membership import Membership
 from phalanx.scenario.model import Scenario
-from phalanx.wire.session import free_endpoint
-from phalanx.wire.tap import tapped
+from phalanx.wire.pubsub import subscribe
+from phalanx.wire.session import free_endpoint, open_client
 from tests.hostile.attacker import UNDER_WAY
 
 _LONG = ("duration=8.0",)
@@ -60,12 +61,20 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
         return [reader.communicate()[0].strip() for reader in readers], summary
 
 
+def stop(*_: object) -> None:
+    """Read nothing more."""
+    print(UNDER_WAY, flush=True)
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
 def main() -> None:
-    """Tap a run, and stop at the first message."""
+    """Listen to a run as a viewer, and stop at the first message."""
     run, endpoint, secret = sys.argv[1:]
-    for _ in tapped(Membership(run, endpoint, bytes.fromhex(secret))):
-        print(UNDER_WAY, flush=True)
-        os.kill(os.getpid(), signal.SIGSTOP)
+    own = Membership(run, endpoint, bytes.fromhex(secret))
+    with open_client(endpoint, own.timeout, own.credentials) as session:
+        for key in own.keys.to_viewers:
+            subscribe(session, key, stop)
+        threading.Event().wait()
 
 
 if __name__ == "__main__":

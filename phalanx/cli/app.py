@@ -9,7 +9,7 @@ from phalanx.cli import fit
 from phalanx.cli.check import check, compile_scenario
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
-from phalanx.cli.programs import agent, plant, tap
+from phalanx.cli.programs import agent, plant
 from phalanx.cli.run import run
 from phalanx.cli.runs import runs, scenarios, verify
 from phalanx.launcher import interrupt
@@ -47,7 +47,6 @@ def core() -> typer.Typer:
     app.command()(scenarios)
     app.command()(runs)
     app.command()(verify)
-    app.command()(tap)
     app.add_typer(fit.commands, name="fit")
     app.command(rich_help_panel=_PROGRAMS)(plant)
     app.command(rich_help_panel=_PROGRAMS)(agent)

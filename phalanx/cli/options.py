@@ -108,7 +108,7 @@ Connect = Annotated[
         envvar="PHALANX_CONNECT",
         callback=require_endpoint,
         help="Zenoh endpoint of the run's hub; by default that in the file `endpoint` in --keys, "
-        "or tcp/127.0.0.1:7447. `tap` needs none for a run's folder.",
+        "or tcp/127.0.0.1:7447.",
         show_default=False,
     ),
 ]

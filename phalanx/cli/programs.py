@@ -1,19 +1,16 @@
-"""phalanx plant, agent and tap: a single program of a run, and the messages between them."""
+"""phalanx plant and agent: a single program of a run."""
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from phalanx.cli.option_checks import (
     endpoint_for,
     identity_for,
-    live_run,
     require_endpoint,
     require_folder,
     require_here,
-    require_run,
 )
 from phalanx.cli.options import (
     CommandSecret,
@@ -30,13 +27,10 @@ from phalanx.cli.options import (
     Speed,
     Timeout,
 )
-from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
     from phalanx.messages.membership import Membership
     from phalanx.scenario.model import Scenario
-
-Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 
 
 def plant(
@@ -140,47 +134,3 @@ def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str,
 
     configure_logging()
     return run_program(build_rows(build_swarm(scenario)), membership, options)
-
-
-def tap(
-    run: Annotated[
-        str,
-        typer.Argument(metavar="RUN", help="The folder of a live run; with --connect its name."),
-    ],
-    connect: Connect = "",
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
-    kind: Annotated[Kind | None, typer.Option(help="Only messages of this kind.")] = None,
-    count: Annotated[
-        int, typer.Option(min=0, help="End after this many messages; 0: with the run.")
-    ] = 0,
-) -> int:
-    """Print the messages between the programs of a live run, one a line, until it is over.
-
-    Each line is a JSON array: the key expression, then the message's fields in the order of
-    docs/wire.md. Messages are decoded without their types, as a program in any language can.
-
-    Examples:
-
-      phalanx tap runs/unicycles-1
-      phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
-    """
-    from phalanx.messages.membership import Membership
-    from phalanx.wire.tap import tapped
-
-    if connect:
-        identity = identity_for(keys, connect, insecure)
-        membership = Membership(
-            require_run(run), connect, secret.encode(), timeout=10.0, identity_folder=identity
-        )
-    else:
-        live = live_run(Path(run), insecure)
-        if live is None:
-            raise typer.BadParameter(f"{run}: no live run; or give its name and --connect")
-        membership = live
-    for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
-        echo(json.dumps([key, fields], default=repr))
-        if number == count:
-            break
-    return 0

@@ -1,15 +1,23 @@
 """Messages to an agent, compared with the true positions of all."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 import phalanx
+from phalanx.messages.keys import PLANT
 from phalanx.messages.membership import Membership
+from phalanx.messages.seal import SEAL_BYTES
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.tap import tapped
+from phalanx.wire.liveliness import is_announced, watch
+from phalanx.wire.pubsub import subscribe
+from phalanx.wire.session import open_client
 from tests.process.runs import PACED, SECRET, live_run
 
 pytestmark = pytest.mark.swarm
@@ -23,7 +31,7 @@ CHANGES = {"duration": 1.0, "safety.neighbourhood": 4.7, "agents.1.sensing": 7.6
 def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path: Path) -> None:
     scenario = phalanx.load("unicycles", CHANGES)
     with live_run(scenario, tmp_path / "live", PACED) as run:
-        messages = list(tapped(Membership("live", run.endpoint, SECRET)))
+        messages = list(messages_of(Membership("live", run.endpoint, SECRET)))
     swarm = build_swarm(scenario)
     states, names = StateCodec(swarm), swarm.names
     table = phalanx.open(tmp_path / "live").states
@@ -77,7 +85,7 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
     )
     messages = {}
     with live_run(scenario, folder, PACED) as run:
-        for key, fields in tapped(Membership(folder.name, run.endpoint, SECRET)):
+        for key, fields in messages_of(Membership(folder.name, run.endpoint, SECRET)):
             _, _, kind, *who = key.split("/")
             if kind == "sample" and who[0] in FORMATION:
                 _, k, t, visible, x, *rest = fields
@@ -86,6 +94,18 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
                 _, k, t_apply, u, *rest = fields
                 messages[kind, *who, k] = [t_apply, len(u), *rest]
     return messages
+
+
+def messages_of(viewer: Membership) -> Iterator[tuple[str, Any]]:
+    """Yield key expression and fields of each message of a run, until its plant leaves."""
+    keys, arrived = viewer.keys, SimpleQueue[tuple[str, bytes] | None]()
+    with open_client(viewer.endpoint, viewer.timeout, viewer.credentials) as session:
+        for key in keys.to_viewers:
+            subscribe(session, key, lambda *message: arrived.put(message))
+        watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
+        assert is_announced(session, keys.alive(PLANT), viewer.timeout)
+        while (message := arrived.get()) is not None:
+            yield keys.original(message[0]), msgspec.msgpack.decode(message[1][SEAL_BYTES:])
 
 
 def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:

@@ -41,12 +41,16 @@ session._parsed = patient
 """A listener announces for how long it may be silent [ms]; the hub gives it up no earlier. By
 default that is ten seconds, in which a busy machine makes few steps."""
 TAP = """
-import os, signal, sys
+import os, signal, sys, threading
 from phalanx.messages.membership import Membership
-from phalanx.wire.tap import tapped
+from phalanx.wire.pubsub import subscribe
+from phalanx.wire.session import open_client
 run, endpoint, secret = sys.argv[1:]
-for _ in tapped(Membership(run, endpoint, secret.encode())):
-    os.kill(os.getpid(), signal.SIGSTOP)
+own = Membership(run, endpoint, secret.encode())
+with open_client(endpoint, own.timeout, own.credentials) as session:
+    for key in own.keys.to_viewers:
+        subscribe(session, key, lambda *_: os.kill(os.getpid(), signal.SIGSTOP))
+    threading.Event().wait()
 """
 VIEWER = """
 import os, signal, sys

@@ -41,7 +41,6 @@ def test_whether_an_endpoint_is_for_its_own_host_alone(endpoint: str, here: bool
         ("viewer", "--run", "r", "--connect", "tcp/10.0.0.1:7447"),
         ("run", "one-on-one", "--listen", "tcp/0.0.0.0:7447"),
         ("router", *RUN, "--connect", "tcp/10.0.0.1:7447"),
-        ("tap", "r", "--connect", "tcp/10.0.0.1:7447"),
         ("ros2", "a", "--router", "tcp/10.0.0.1:7447"),
     ],
 )
@@ -52,7 +51,7 @@ def test_a_program_that_would_be_reached_unprotected_does_not_start(command, cap
     assert "--insecure" in said
 
 
-@pytest.mark.parametrize("command", ["view", "tap", "ros2"])
+@pytest.mark.parametrize("command", ["view", "ros2"])
 def test_a_run_that_goes_on_elsewhere_by_its_folder_is_not_connected_to(
     command: str, tmp_path: Path, capsys
 ) -> None:

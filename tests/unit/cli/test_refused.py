@@ -44,8 +44,6 @@ REFUSED = [
     ("keys made --scenario unicycles --days 0", "'--days'"),
     ("keys made --scenario unicycles --days nan", "'--days'"),
     ("keys file --scenario unicycles", "DIR"),
-    ("tap nowhere", "nowhere: no live run"),
-    ("tap nowhere --count=-1", "'--count'"),
     ("view", "expected either RUN or --run"),
     ("view a --port 0", "'--port'"),
     ("plant --scenario unicycles --run a/b", "'--run'"),
@@ -70,9 +68,6 @@ REFUSED = [
     ("keys made --scenario unicycles --host=", "--host: expected a value"),
     ("keys made --scenario unicycles --host a/b", "'--host'"),
     ("keys made --scenario unicycles --host übel.org", "'--host'"),
-    ("tap a/b --connect tcp/127.0.0.1:7447", "expected letters"),
-    ("tap a --connect nonsense", "'--connect'"),
-    ("tap a --connect tcp/127.0.0.1:7447 --kind samples", "'--kind'"),
     ("verify a --seed=-1", "'--seed'"),
     ("plant --scenario unicycles --run=", "--run: expected a value"),
     ("plant --scenario unicycles --run r --speed inf", "'--speed'"),
@@ -89,7 +84,6 @@ REFUSED = [
         "PHALANX_COMMAND_SECRET, or in a file, --command-secret-",
     ),
     ("plant --scenario unicycles --run r --command-secret=s", "make a new secret"),
-    ("tap r --connect tcp/127.0.0.1:7447 --secret-file nowhere", "'--secret-file'"),
     ("view a --command-secret-file file", "expected a secret in file, got nothing"),
 ]
 

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import msgpack
 import msgspec
 import pytest
 
@@ -11,11 +10,9 @@ import phalanx
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Assumption, FaultCount, Outcome, Violation
-from phalanx.messages.seal import SEAL_BYTES
 from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.model import Reading, Scenario
-from phalanx.wire.tap import decoded
 from tests.unit.report.recordings import drift, summary_of, unicycles
 
 pytestmark = pytest.mark.slow
@@ -86,7 +83,6 @@ def printable_output(capsys: pytest.CaptureFixture[str]) -> str:
         ["verify", "RUN", "--engine", "in-process"],
         ["certify", "RUN"],
         ["export", "RUN", "--html", "OUT.html", "--mcap", "OUT.mcap", "--csv", "OUT"],
-        ["tap", "RUN"],
         ["runs", "RUNS"],
     ],
     ids=lambda command: command[0],
@@ -146,13 +142,6 @@ def test_a_notebook_shows_text(hostile: str) -> None:
     page = phalanx.open(hostile)._repr_html_()
     assert "<script" not in page
     assert "alert(1)" in page
-
-
-def test_what_a_tap_prints_of_a_message_is_ascii() -> None:
-    packed = b"\0" * SEAL_BYTES + msgpack.packb({HOSTILE.encode(): [HOSTILE, b"\x1b[2J"]})
-    line = json.dumps(["key", decoded(packed)], default=repr)
-    assert line.isascii()
-    assert line.isprintable()
 
 
 def test_a_line_of_a_programs_log_is_printable(capsys: pytest.CaptureFixture[str]) -> None:

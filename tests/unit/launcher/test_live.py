@@ -50,7 +50,7 @@ def test_it_is_not_written_into_a_file_that_another_user_put_there(tmp_path: Pat
 
 
 @pytest.mark.timeout(20)
-@pytest.mark.parametrize("command", ["tap", "view", "ros2", "runs"])
+@pytest.mark.parametrize("command", ["view", "ros2", "runs"])
 def test_a_pipe_in_its_place_is_refused_in_words(tmp_path: Path, capsys, command: str) -> None:
     folder = tmp_path / "r-1"
     folder.mkdir()
