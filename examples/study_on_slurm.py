@@ -1,6 +1,6 @@
 """Run a study on a Slurm cluster: its nodes become workers of dask.distributed.
 
-    pip install '.[dask]' dask-jobqueue
+    pip install '.[lab]' distributed dask-jobqueue
     python examples/study_on_slurm.py 1000 64
 
 Seeds and jobs are the two numbers. Asked again after a time limit or a crash, it runs what is
@@ -16,14 +16,8 @@ import phalanx
 
 if __name__ == "__main__":
     seeds, jobs = map(int, sys.argv[1:])
-    # One thread for each worker: compiled functions have buffers. A worker that is no daemon can
-    # start the processes of the runs that are repeated.
-    nodes = SLURMCluster(
-        cores=1,
-        memory="1GB",
-        walltime="01:00:00",
-        job_script_prologue=["export DASK_DISTRIBUTED__WORKER__DAEMON=false"],
-    )
+    # One thread for each worker: compiled functions have buffers.
+    nodes = SLURMCluster(cores=1, memory="1GB", walltime="01:00:00")
     with nodes, Client(nodes) as client:
         nodes.scale(jobs=jobs)
         study = phalanx.study(

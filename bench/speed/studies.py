@@ -65,10 +65,10 @@ def by_study(scenario: phalanx.Scenario, seeds: range, workers: int) -> tuple[fl
     """Return the CPU time of the coordinator and of its workers, and the wall time [s]."""
     with Pool(workers) as pool, tempfile.TemporaryDirectory() as folder:
         # Each worker loads and compiles once for thousands of rows.
-        study(scenario, seeds=2 * workers, executor=pool, in_flight=2 * workers, confirm=0.0)
+        study(scenario, seeds=2 * workers, executor=pool, in_flight=2 * workers)
         coordinator, others, wall = time.process_time(), of_workers(), time.monotonic()
         out = Path(folder)
-        study(scenario, seeds=seeds, out=out, executor=pool, in_flight=2 * workers, confirm=0.0)
+        study(scenario, seeds=seeds, out=out, executor=pool, in_flight=2 * workers)
         return time.process_time() - coordinator, of_workers() - others, time.monotonic() - wall
 
 

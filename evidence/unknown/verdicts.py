@@ -126,7 +126,6 @@ def run(case: Case, folder: Path, options: argparse.Namespace) -> None:
         overrides={"duration": case.duration},
         out=folder,
         workers=options.workers,
-        confirm=0.0,
         progress=True,
     )
 

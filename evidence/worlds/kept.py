@@ -66,7 +66,6 @@ def studied(
             points=[*variants.values()],
             out=folder,
             executor=executor,
-            confirm=0.0,
             progress=True,
         )
     if broken := study.frame.filter(pl.col("outcome") == "broken")["reason"].to_list():

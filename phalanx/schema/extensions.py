@@ -29,7 +29,6 @@ EXTRAS: Mapping[str, str] = {
     "google": "foxglove",
     "mcap_protobuf": "foxglove",
     "cryptography": "hosts",
-    "distributed": "dask",
 }
 """The extra of Phalanx that brings a library, by the library's module."""
 PACKAGES: Mapping[str, str] = {"certify": "phalanx-certify", "ros2": "phalanx-ros2"}

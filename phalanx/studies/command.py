@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from phalanx.studies.study import Study
 
 _OPEN = "open"
-_JOBS_PER_THREAD = 2
-"""Most jobs at a worker: when one dies, all that it had are suspected (distributed#5234)."""
 
 Vary = Annotated[
     list[str] | None,
@@ -61,13 +59,6 @@ def study(
         int | None, typer.Option(min=1, help="Number of draws, each with every seed.")
     ] = None,
     overrides: Overrides = None,
-    until_width: Annotated[
-        float | None,
-        typer.Option(
-            help="Leave out later seeds of a point once its rate of violated runs is known to this "
-            "width, by a confidence sequence, valid whenever one looks."
-        ),
-    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -78,25 +69,6 @@ def study(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; by default one for each processor.")
     ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SCHEDULER",
-            help="Run on a dask.distributed cluster: tcp://host:8786, or its scheduler file.",
-        ),
-    ] = None,
-    confirm: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="Share of the runs that are repeated as processes and compared; the first 20 "
-            "violated ones are, too, unless it is 0.",
-        ),
-    ] = 0.01,
-    why: Annotated[
-        bool, typer.Option("--why", help="Say what would run and why, and run nothing.")
-    ] = False,
     row: Annotated[int | None, typer.Option(min=0, help="After `open`: a row's index.")] = None,
     record: Annotated[
         bool, typer.Option("--record", help="With --row: run it again, with a recording in runs/.")
@@ -111,7 +83,7 @@ def study(
 
       phalanx study unicycles --seeds 0:200 --vary network.loss=0,.1,.3
       phalanx study unicycles --seeds 0:20 --draw "safety.eta=uniform(0,10)" --draws 50
-      phalanx study studies/unicycles/study.toml --out studies/unicycles --dask tcp://host:8786
+      phalanx study studies/unicycles/study.toml --out studies/unicycles
       phalanx study open studies/unicycles
       phalanx study open studies/unicycles --row 731 --record
     """
@@ -121,27 +93,22 @@ def study(
         raise typer.BadParameter("FOLDER, --row and --record: expected after `phalanx study open`")
     from phalanx.studies.study import study as run_study
 
-    plan = _plan(scenario, seeds, vary, draw, draws, overrides, until_width)
+    plan = _plan(scenario, seeds, vary, draw, draws, overrides)
     target = out or Path("studies") / plan.name
-    if why:
-        return _say_why(plan, target)
-    with _refusals(), connected(dask) as (executor, most):
-        result = run_study(
-            plan, out=target, workers=workers, executor=executor, confirm=confirm, progress=True,
-            chunk=8 if executor else 1, in_flight=most or None,
-        )  # fmt: skip
+    with _refusals():
+        result = run_study(plan, out=target, workers=workers, progress=True)
     return _print_rates(result)
 
 
 def _plan(
     scenario: str, seeds: str | None, vary: Sequence[str] | None, draw: Sequence[str] | None,
-    draws: int | None, overrides: Sequence[str] | None, until_width: float | None,
+    draws: int | None, overrides: Sequence[str] | None,
 ) -> "Plan":  # fmt: skip
     from phalanx.scenario.load import field_and_value
     from phalanx.studies.plan import distribution_from, plan_from, read_plan, values_from
 
     if Path(scenario).name == "study.toml":
-        if seeds is not None or vary or draw or draws or overrides or until_width:
+        if seeds is not None or vary or draw or draws or overrides:
             raise typer.BadParameter(
                 f"{scenario} has the whole plan: expected no seeds or fields, edit them there"
             )
@@ -153,7 +120,6 @@ def _plan(
         "vary": _fields("--vary", vary, values_from),
         "draw": _fields("--draw", draw, distribution_from),
         "draws": draws,
-        "until_width": until_width,
     }
     return plan_from(table, "study")
 
@@ -171,17 +137,6 @@ def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]
         except ValueError as error:
             raise typer.BadParameter(f"{option} {path}: {error}") from error
     return fields
-
-
-def _say_why(plan: "Plan", folder: Path) -> int:
-    from phalanx.studies.coordinator import missing_by_reason
-    from phalanx.studies.store import Store
-
-    with _refusals():
-        reasons = missing_by_reason(plan, Store(folder))
-    echo(f"{plan.size - reasons.total()} of {plan.size} rows are there; {reasons.total()} to run")
-    echo(*(f"  {count} {reason}" for reason, count in reasons.most_common()))
-    return 0
 
 
 def _open(folder: Path | None, row: int | None, record: bool) -> int:
@@ -219,27 +174,6 @@ def _refusals() -> Iterator[None]:
         raise
 
 
-@contextmanager
-def connected(scheduler: str | None) -> Iterator[tuple[Any, int]]:
-    """Yield a dask.distributed cluster's executor, and the most jobs to hand out at a time.
-
-    scheduler: its address, or the path of its scheduler file; without one the built-in pool's,
-    None, is yielded. Workers need this version of Phalanx, one thread each, and
-    `distributed.worker.daemon: false` to repeat runs as processes.
-
-    Raises ModuleNotFoundError without the extra `dask`, OSError if the scheduler does not answer.
-    """
-    if scheduler is None:
-        yield None, 0
-        return
-    from distributed import Client
-
-    where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
-    with Client(**where, set_as_default=False, timeout=10) as client:
-        threads = sum(client.nthreads().values())
-        yield client.get_executor(pure=False), _JOBS_PER_THREAD * max(1, threads)
-
-
 def _print_rates(result: "Study") -> int:
     """Print a row for each point, and write the page; return the exit status."""
     from rich.console import Console
@@ -263,10 +197,6 @@ def _print_rates(result: "Study") -> int:
     Console().print(table)
     for line in without_effect(result.frame, result.axes):
         echo(line)
-    repeated = result.frame["confirmed"].drop_nulls()
-    if len(repeated):
-        same = "with the same trajectory" if repeated.all() else "and NOT all have their trajectory"
-        echo(f"{len(repeated)} runs were repeated as processes, {same}")
     refused = result.outcomes["refused"]
     if refused:
         echo(f"{refused} runs were refused: their scenario is not valid; reasons are in the page")

@@ -59,9 +59,6 @@ class Plan(Strict):
     """Fields drawn at random, by path."""
     draws: Annotated[int, Field(ge=1)] | None = None
     """Number of draws, each with every seed; 1 by default."""
-    until_width: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """Leave out the later seeds of a point once its rate of violated runs is known to this width,
-    by a confidence sequence, which is valid whenever one looks; by default none is left out."""
     draw_seed: Seed = 0
     """Seed of the draws: draw 731 is the same in every study with this seed and field."""
 

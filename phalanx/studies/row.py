@@ -48,14 +48,6 @@ class Identity(NamedTuple):
         """One digest of all, in hexadecimal."""
         return _digest(list(self))
 
-    def changed(self, other: "Identity") -> list[str]:
-        """Name the inputs in which another identity differs."""
-        pairs = zip(_INPUTS, self, other, strict=True)
-        return [name for name, mine, theirs in pairs if mine != theirs]
-
-
-_INPUTS = ("the scenario", "the seed", "your modules", "versions")
-
 
 def digest_of_scenario(scenario: Scenario) -> str:
     """Return the digest of a scenario, without what no run depends on."""
@@ -68,21 +60,15 @@ def digest_of_modules(sources: Mapping[str, bytes]) -> str:
 
 
 @cache
-def versions_of_libraries() -> dict[str, str]:
-    """Return the versions of the libraries that compute, and the digest of Phalanx's sources."""
+def versions() -> str:
+    """Return one digest of Phalanx's sources and the versions of the libraries that compute."""
     sources: dict[str, str] = {}
     for package in (phalanx, phalanx_agent, phalanx_plant):
         folder = Path(package.__path__[0])
         for file in sorted(folder.rglob("*.py")):
             name = f"{package.__name__}/{file.relative_to(folder).as_posix()}"
             sources[name] = hashlib.sha256(file.read_bytes()).hexdigest()
-    return {name: version(name) for name in _LIBRARIES} | {"phalanx": _digest(sources)}
-
-
-@cache
-def versions() -> str:
-    """Return one digest of versions_of_libraries."""
-    return _digest(versions_of_libraries())
+    return _digest([{name: version(name) for name in _LIBRARIES}, sources])
 
 
 def _digest(value: Any) -> str:
@@ -129,8 +115,6 @@ class Row(msgspec.Struct, kw_only=True):
     wall_time: float = 0.0
     """[s]"""
     platform: str = platform.platform()
-    confirmed: bool | None = None
-    """Whether the run as processes had the same trajectory; None if it was not run so."""
     searched: bool = False
     """True if the run was chosen by a search: such rows never enter an interval."""
     robustness: str = ""

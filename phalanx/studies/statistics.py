@@ -1,25 +1,18 @@
-"""Statistics of repeated runs: intervals that cover as they say. Nothing here knows of runs.
-
-An exact interval holds for a number of runs that was fixed beforehand. A confidence sequence holds
-at all times at once, however one looks and stops. Count runs in the order of their index: in the
-order in which they end, short runs come first, and a run that fails may be short.
-"""
+"""Statistics of repeated runs: intervals that cover as they say. Nothing here knows of runs."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv, betaln, xlog1py, xlogy
+from scipy.special import betaincinv
 
 from phalanx.theory.arrays import Array, Index
 
 LEVEL = 0.95
 """Confidence level unless another is given."""
 _HALVINGS = 40
-_PRIOR = 0.5
-"""Both parameters of the mixing beta: half as wide as with 1 where a rate is near 0 or 1."""
 _SHARES = np.arange(1, 21) / 21
 """Shares of the capital that are bet."""
 _EXACT = 1e-9
@@ -41,8 +34,8 @@ class Interval(NamedTuple):
 def clopper_pearson(successes: ArrayLike, runs: ArrayLike, level: float = LEVEL) -> Interval:
     """Return the exact interval of Clopper and Pearson (Biometrika 26, 1934) for a rate.
 
-    The number of runs must not depend on their results: else use `beta_mixture`. The
-    ends are quantiles of Beta(k, n - k + 1) and Beta(k + 1, n - k). Of no runs it is [0, 1].
+    The number of runs must not depend on their results. The ends are quantiles of
+    Beta(k, n - k + 1) and Beta(k + 1, n - k). Of no runs it is [0, 1].
 
     Raises ValueError unless 0 <= successes <= runs and 0 < level < 1.
     """
@@ -63,37 +56,8 @@ def counts(successes: ArrayLike, runs: ArrayLike, level: float) -> tuple[Any, An
     return k, n
 
 
-def beta_mixture(successes: ArrayLike, runs: ArrayLike, level: float = LEVEL) -> Interval:
-    """Return a confidence sequence's interval for a rate, after so many runs.
-
-    The likelihood, mixed over a beta distribution of the rate and divided by that at p, is a
-    martingale if p is true: it ever reaches 1 / α with probability α at most (Ville; Robbins,
-    Annals of Mathematical Statistics 41, 1970). The interval holds all p at which it has not.
-
-    Raises ValueError as clopper_pearson does.
-    """
-    k, n = counts(successes, runs, level)
-    mixed = betaln(k + _PRIOR, n - k + _PRIOR) - betaln(_PRIOR, _PRIOR)
-    least = mixed + math.log(1.0 - level)  # log-likelihood of a p that is just refuted
-    middle = np.where(n > 0, k / np.maximum(n, 1), 0.5)
-    low: Any = _bound(lambda p: xlogy(k, p) + xlog1py(n - k, -p) <= least, middle)
-    high: Any = 1.0 - _bound(lambda q: xlogy(n - k, q) + xlog1py(k, -q) <= least, 1.0 - middle)
-    return Interval(low[()], high[()])
-
-
-def runs_until_width(outcomes: Sequence[bool], width: float, level: float = LEVEL) -> int | None:
-    """Return the number of runs at which a rate is first known to a width; None if not yet.
-
-    outcomes: of runs 0, 1, ... without a gap. The number does not depend on who looks when, so a
-    study that stops there is the same on any machine.
-    """
-    k = np.cumsum(np.asarray(outcomes, dtype=bool))
-    narrow = np.flatnonzero(beta_mixture(k, np.arange(1, len(k) + 1), level).width <= width)
-    return int(narrow[0]) + 1 if len(narrow) else None
-
-
 def betting(values: ArrayLike, level: float = LEVEL) -> Interval:
-    """Return a confidence sequence's interval for the mean of values in [0, 1], in any order.
+    """Return an interval for the mean of values in [0, 1], in any order.
 
     A gambler starts with 1, and bets a share of the capital that values exceed m. Unless their mean
     is larger, the capital ever reaches 2 / α with probability α / 2 at most; another bets that they
@@ -137,22 +101,19 @@ class Rate(NamedTuple):
     runs: int
 
 
-def rate(hits: ArrayLike, seeds: ArrayLike, anytime: bool = False, level: float = LEVEL) -> Rate:
+def rate(hits: ArrayLike, seeds: ArrayLike, level: float = LEVEL) -> Rate:
     """Return how often something happens, by hits and seeds of runs, shapes (n,).
 
     Where each run has a seed of its own, or all have the same, runs are independent. Else the seeds
     are: the mean over a seed's runs is one draw, and `betting` bounds the mean of those. A seed
     that has fewer runs than others is left out, since it stands for another mixture.
-
-    anytime: whether the number of runs depends on their results. level: of confidence.
     """
     happened = np.asarray(hits, dtype=float)
     _, of_seed, size = np.unique(seeds, return_inverse=True, return_counts=True)
     n = len(happened)
     if len(size) in (n, 1):
         k = int(happened.sum())
-        interval = (beta_mixture if anytime else clopper_pearson)(k, n, level)
-        return Rate(k / n if n else 0.0, interval, n)
+        return Rate(k / n if n else 0.0, clopper_pearson(k, n, level), n)
     means = (np.bincount(of_seed, happened) / size)[size == size.max()]
     return Rate(float(means.mean()), betting(means, level), len(means) * int(size.max()))
 

@@ -25,13 +25,10 @@ from phalanx.studies.row import (
     Row,
     fields_of,
     flat,
-    json_text,
-    versions,
-    versions_of_libraries,
 )
 
 PLAN, ROWS = "study.toml", "rows.parquet"
-_JOURNAL, _LOCK, _VERSIONS = "rows.journal", "lock", "versions.json"
+_JOURNAL, _LOCK = "rows.journal", "lock"
 _SYNC = 20
 """Rows that a power failure may lose; a crash of the program loses none."""
 
@@ -48,8 +45,6 @@ class Store(contextlib.AbstractContextManager["Store"]):
         self.folder = folder
         self._lock_file: int | None = None
         self._unsynced = 0
-        self._before: pl.DataFrame | None = None
-        """All rows, when one was last copied that it has not."""
 
     def open(self, plan: Plan) -> Self:
         """Begin to write, with this plan; rows of another stay. Raises as open_with does."""
@@ -65,8 +60,6 @@ class Store(contextlib.AbstractContextManager["Store"]):
         self._lock()
         self._journalled()  # which is refused before anything is replaced
         _replace(self.folder / name, declaration.encode())
-        recorded = {**self._versions(), versions(): versions_of_libraries()}
-        _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(recorded)))
         _replace(self.folder / _JOURNAL, self._lines())
         return self
 
@@ -89,23 +82,12 @@ class Store(contextlib.AbstractContextManager["Store"]):
 
     def add(self, row: Row) -> None:
         """Append a row. Raises OSError, for example on a full disk; earlier rows are kept."""
-        self._append(flat(row))
-
-    def copy(self, key: str, overrides: dict[str, Any]) -> str:
-        """Append the row with this key under other overrides; return its outcome."""
-        if self._before is None or key not in self._before["key"]:
-            self._before = self.frame()
-        (columns,) = self._before.filter(pl.col("key") == key).tail(1).to_dicts()
-        self._append({**columns, "overrides": json_text(overrides)})
-        return str(columns["outcome"])
-
-    def _append(self, columns: dict[str, Any]) -> None:
         file = self.folder / _JOURNAL
         size = file.stat().st_size
         try:
             # Opened for each row: what could not be written stays in no buffer.
             with file.open("ab") as journal:
-                journal.write(msgspec.json.encode(columns) + b"\n")
+                journal.write(msgspec.json.encode(flat(row)) + b"\n")
                 journal.flush()
                 self._unsynced = (self._unsynced + 1) % _SYNC
                 if not self._unsynced:
@@ -120,30 +102,6 @@ class Store(contextlib.AbstractContextManager["Store"]):
         columns = ["scenario", "seed", "modules", "versions", "overrides", "outcome"]
         for *parts, overrides, outcome in self.frame().select(columns).iter_rows():
             yield Identity(*parts), overrides, outcome
-
-    def describe(self, changed: list[str], before: Identity, now: Identity) -> str:
-        """Name the inputs that changed; of versions, which."""
-        recorded = self._versions()
-        old, new = recorded.get(before.versions, {}), recorded.get(now.versions, {})
-        differ = [name for name in sorted(old | new) if old.get(name) != new.get(name)]
-        libraries = ", ".join(
-            "Phalanx's sources"
-            if name == "phalanx"
-            else f"{name} {old.get(name)} → {new.get(name)}"
-            for name in differ
-        )
-        return ", ".join(
-            libraries or "versions" if name == "versions" else name for name in changed
-        )
-
-    def _versions(self) -> dict[str, dict[str, str]]:
-        try:
-            table = msgspec.json.decode(
-                (self.folder / _VERSIONS).read_bytes(), type=dict[str, dict[str, str]]
-            )
-        except (OSError, msgspec.DecodeError):
-            return {}
-        return table
 
     def frame(self) -> pl.DataFrame:
         """Return all rows, the newest last. Raises StudyError if a file is of another version."""

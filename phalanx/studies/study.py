@@ -26,8 +26,8 @@ from phalanx.schema.registry import as_table
 from phalanx.studies.coordinator import Coordinator, Progress, StudyProgress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
 from phalanx.studies.pool import Pool
-from phalanx.studies.row import REFUSED, counted, json_text
-from phalanx.studies.statistics import rate, runs_until_width
+from phalanx.studies.row import counted, json_text
+from phalanx.studies.statistics import rate
 from phalanx.studies.store import PLAN, Store
 
 
@@ -40,20 +40,18 @@ def study(
     draw: Mapping[str, Mapping[str, Any]] | None = None,
     draws: int | None = None,
     overrides: Mapping[str, Any] | None = None,
-    until_width: float | None = None,
     out: str | Path | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
     in_flight: int | None = None,
     chunk: int = 1,
-    confirm: float = 0.01,
     progress: Progress | bool = False,
 ) -> "Study":
     """Run a scenario for every seed and every point of a grid, and return the rows.
 
     Args:
         scenario: as load takes it, or a Plan, or the path of a study.toml; with these two the
-            arguments up to until_width are in it.
+            arguments up to overrides are in it.
         seeds: their number, "0:200", or themselves.
         vary: the values of each axis, by its field's path; all combinations are run.
         points: fields by path, one mapping for each point.
@@ -61,15 +59,11 @@ def study(
             {"choice": values}.
         draws: the number of draws, each with every seed.
         overrides: fields of every run.
-        until_width: leave out later seeds of a point once its rate of violated runs is known to
-            this width.
         out: the study's folder; by default a temporary one. What is there already is not run again.
         workers: of the built-in pool; by default one for each processor.
         executor: computes the rows in place of the pool, for example dask.distributed's.
         in_flight: most jobs handed to the executor at a time; by default two for each worker.
         chunk: runs in a job; more of them where jobs travel far.
-        confirm: share of the runs that are repeated as processes and compared; the first violated
-            and broken ones are, too, unless it is 0.
         progress: True for a bar with the remaining time, in a terminal or a notebook, and for some
             lines elsewhere; or a function, called with a StudyProgress after each job.
 
@@ -96,7 +90,6 @@ def study(
             "points": [_tables(point) for point in points],
             "draw": {path: dict(distribution) for path, distribution in (draw or {}).items()},
             "draws": draws,
-            "until_width": until_width,
         }
         plan = plan_from(table)
     plan.require_axes()
@@ -108,7 +101,7 @@ def study(
         _display(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
-        Coordinator(plan, store, computing, most, chunk, confirm, show).run()
+        Coordinator(plan, store, computing, most, chunk, show).run()
     return Study(folder, plan, temporary)
 
 
@@ -177,22 +170,7 @@ class Study:
         frame = cases.join(table, on="point").join(
             latest, on=["overrides", "seed"], suffix="_acted"
         )
-        return self._until_narrow(frame.sort("index")).drop("scenario", "modules", "versions")
-
-    def _until_narrow(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """Leave out what was computed after a point's rate was known to the plan's width."""
-        if self.plan.until_width is None:
-            return frame
-        parts, seeds = [], len(self.plan.seeds)
-        for _, rows in frame.group_by("point", maintain_order=True):
-            # Up to the first gap, which an unfinished study has: long runs end late.
-            ranks = (rows["index"] % seeds).to_list()
-            whole = rows.head(sum(rank == n for n, rank in enumerate(ranks)))
-            began = (whole["outcome"] != REFUSED).arg_true().to_list()
-            violated = (whole["outcome"][began] == Outcome.VIOLATED).to_list()
-            enough = runs_until_width(violated, self.plan.until_width)
-            parts.append(whole.head(len(whole) if enough is None else began[enough - 1] + 1))
-        return pl.concat(parts) if parts else frame
+        return frame.sort("index").drop("scenario", "modules", "versions")
 
     @property
     def outcomes(self) -> Counter[str]:
@@ -201,7 +179,7 @@ class Study:
 
     @property
     def missing(self) -> int:
-        """Number of runs without a row; with until_width some stay without."""
+        """Number of runs without a row."""
         return self.plan.size - len(self.frame)
 
     def rates(
@@ -209,9 +187,9 @@ class Study:
     ) -> pl.DataFrame:
         """Return an outcome's rate, with its interval, at each value of the axes.
 
-        The interval is exact for the number of runs of the plan (Clopper and Pearson); with
-        until_width it is that of a confidence sequence. Where several runs share a seed, seeds
-        are the draws. Rows that a search chose do not count, nor those that were refused.
+        The interval is exact for the number of runs of the plan (Clopper and Pearson). Where
+        several runs share a seed, seeds are the draws. Rows that a search chose do not count, nor
+        those that were refused.
 
         Args:
             outcome: "violated", "guaranteed", ...
@@ -221,11 +199,10 @@ class Study:
         axes = self.axes if by is None else list(by)
         runs = counted(self.frame)
         grouped = runs.group_by(axes, maintain_order=True) if axes else [((), runs)]
-        anytime = self.plan.until_width is not None
         rates = []
         for values, rows in grouped:
             hits = (rows["outcome"] == outcome).to_numpy()
-            share, (low, high), n = rate(hits, rows["seed"].to_numpy(), anytime, level)
+            share, (low, high), n = rate(hits, rows["seed"].to_numpy(), level)
             point = dict(zip(axes, values, strict=True))
             counts = {"runs": n, outcome: round(share * n)}
             rates.append({**point, **counts, "rate": share, "low": low, "high": high})
@@ -248,7 +225,7 @@ class Study:
         """
         written: Path = extension("study-page")(
             self.frame, self.axes, self.folder.name, Path(path or self.folder / "study.html"),
-            lambda row: self.command(row["index"]), self.plan.until_width is not None,
+            lambda row: self.command(row["index"]),
         )  # fmt: skip
         return written
 
@@ -258,8 +235,7 @@ class Study:
 
     def _repr_html_(self) -> str:
         """Return the rates over each axis for a notebook."""
-        anytime = self.plan.until_width is not None
-        html: str = extension("study-rates")(self.frame, self.axes, anytime)
+        html: str = extension("study-rates")(self.frame, self.axes)
         return html
 
 

@@ -10,11 +10,9 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from typing import Any, NamedTuple
 
-import phalanx
 from phalanx.launcher import interrupt
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.modules import ModulesError, hashes, make_importable
-from phalanx.recording.read import swarm_of
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.studies.row import BROKEN, REFUSED, Identity, Row, row_of
@@ -42,17 +40,6 @@ class Job(NamedTuple):
 _ONE_AT_A_TIME = threading.Lock()
 """Runs of a process share compiled functions and their memory, also those of an executor's threads.
 """
-
-
-def confirm(job: Job) -> list[Row]:
-    """Repeat a job's one run with every program a process of its own; return its row."""
-    (identity,) = job.identities
-    with _ONE_AT_A_TIME:
-        make_importable(job.modules, hashes(job.modules), trust=True)
-        run = phalanx.run(load(job.table, job.overrides, identity.seed), engine="processes")
-        assert run.summary is not None
-        swarm = swarm_of(run.recording)
-        return [row_of(identity, job.overrides, run.summary, run.recording, swarm)]
 
 
 Work = Callable[[Job, Identity, SafetyRows], Row]
@@ -96,8 +83,6 @@ class Task(NamedTuple):
     job: Job
     take: tuple[Callable[[Row], None], ...]
     """Of each run, what takes its row, also if the run is given up."""
-    attempts: int = MOST_ATTEMPTS
-    """Most of them."""
     attempt: int = 1
 
 
@@ -115,7 +100,7 @@ class Executing:
             report: called before each wait, and at the end.
         """
         self.first: deque[Task] = deque()
-        """Tasks to hand out before others: repetitions."""
+        """Tasks to hand out before others: those of runs that are tried again."""
         self._executor, self._in_flight, self._report = executor, in_flight, report
 
     def run(self, tasks: Iterator[Task]) -> None:
@@ -153,9 +138,9 @@ class Executing:
         job, attempt = task.job, task.attempt
         words = f"tried {attempt} times: {reason}" if attempt > 1 else reason
         for take, identity in zip(task.take, job.identities, strict=True):
-            if attempt < task.attempts:
+            if attempt < MOST_ATTEMPTS:
                 alone = job._replace(identities=(identity,))
-                self.first.append(Task(task.work, alone, (take,), task.attempts, attempt + 1))
+                self.first.append(Task(task.work, alone, (take,), attempt + 1))
             else:
                 overrides = job.overrides
                 take(Row(identity=identity, overrides=overrides, outcome=BROKEN, reason=words))

@@ -26,17 +26,17 @@ class Group(NamedTuple):
     """By outcome."""
 
 
-def group(label: str, rows: pl.DataFrame, anytime: bool) -> Group:
+def group(label: str, rows: pl.DataFrame) -> Group:
     """Return runs that count as a group, with the rate of each outcome."""
     seeds = rows["seed"].to_numpy()
-    rates = {o.value: rate((rows["outcome"] == o).to_numpy(), seeds, anytime) for o in Outcome}
+    rates = {o.value: rate((rows["outcome"] == o).to_numpy(), seeds) for o in Outcome}
     return Group(label, rows, rates)
 
 
-def by_axis(runs: pl.DataFrame, axis: str, anytime: bool) -> list[Group]:
+def by_axis(runs: pl.DataFrame, axis: str) -> list[Group]:
     """Return the groups of an axis in its order."""
     names, of_row = labels(runs[axis])
-    return [group(name, runs.filter(of_row == i), anytime) for i, name in enumerate(names)]
+    return [group(name, runs.filter(of_row == i)) for i, name in enumerate(names)]
 
 
 def labels(values: pl.Series) -> tuple[list[str], pl.Series]:

@@ -45,6 +45,11 @@ _COLUMNS = (
     "seed", "outcome", "worst_h", "worst_at", "worst_pair", "certified", "shortest", "empty",
     "faults", *_COSTS, "searched", "reason",
 )  # fmt: skip
+_INTERVALS = (
+    "In brackets: 95 % intervals, each by itself. They are Clopper and Pearson's; where runs share "
+    "seeds, each seed counts once, a seed that lacks runs does not, and the interval is that of "
+    "betting."
+)
 _WORST_FIRST = (
     Outcome.VIOLATED, Outcome.BROKEN, Outcome.STOPPED, Outcome.SAFE, Outcome.GUARANTEED, REFUSED,
 )  # fmt: skip
@@ -56,23 +61,21 @@ def write_study_page(
     title: str,
     path: Path,
     command: Callable[[dict[str, Any]], str],
-    anytime: bool = False,
 ) -> Path:
     """Write one HTML file that needs no other, of a row for each run; return its path.
 
     axes: names of the columns that were varied. command: gives the command that repeats a row.
-    anytime: whether the number of runs depended on their results; intervals are then those of
-    confidence sequences. Raises OSError; ValueError if the frame lacks an axis.
+    Raises OSError; ValueError if the frame lacks an axis.
     """
     if lacking := [axis for axis in axes if axis not in frame.columns]:
         raise ValueError(f"axes: expected columns of the frame, got {lacking[0]!r}")
     runs = counted(frame)
-    groups = {axis: by_axis(runs, axis, anytime) for axis in axes}
+    groups = {axis: by_axis(runs, axis) for axis in axes}
     parts = [
         *map(note, without_effect(runs, axes)),
-        section("Outcomes", _rates("", [group("all", runs, anytime)]) + note(_intervals(anytime))),
+        section("Outcomes", _rates("", [group("all", runs)]) + note(_INTERVALS)),
         *(section(f"Over {axis}", _over(axis, parts)) for axis, parts in groups.items()),
-        *_maps(runs, axes, anytime),
+        *_maps(runs, axes),
         *_distribution(runs, groups),
         *_costs(runs, axes),
         section("Rows, the worst first", _rows(frame, axes, command)),
@@ -80,11 +83,11 @@ def write_study_page(
     return save_page(path, title, parts, about=_counts(frame, runs))
 
 
-def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False) -> str:
+def study_rates(frame: pl.DataFrame, axes: Sequence[str]) -> str:
     """Return the rates over each axis as HTML tables, for a notebook."""
     runs = counted(frame)
-    tables = {"": [group("all", runs, anytime)]}
-    tables |= {axis: by_axis(runs, axis, anytime) for axis in axes}
+    tables = {"": [group("all", runs)]}
+    tables |= {axis: by_axis(runs, axis) for axis in axes}
     return "".join(html_table(*_rate_rows(axis, parts)) for axis, parts in tables.items())
 
 
@@ -98,19 +101,6 @@ def _counts(frame: pl.DataFrame, runs: pl.DataFrame) -> str:
     if searched:
         parts.append(f"{searched} chosen by a search, which are listed and enter no interval")
     return "; ".join(parts)
-
-
-def _intervals(anytime: bool) -> str:
-    independent = (
-        "a confidence sequence, since the number of runs depended on their results"
-        if anytime
-        else "Clopper and Pearson's"
-    )
-    return (
-        f"In brackets: 95 % intervals, each by itself. They are {independent}; where runs share "
-        "seeds, each seed counts once, a seed that lacks runs does not, and the interval is that "
-        "of betting."
-    )
 
 
 def _rate_rows(axis: str, groups: Sequence[Group]) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
@@ -149,14 +139,14 @@ def _over(axis: str, groups: Sequence[Group]) -> str:
     return curves + _rates(axis, groups)
 
 
-def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[str]:
+def _maps(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
     """Make heat maps of the first pairs of axes."""
     pairs = list(itertools.combinations(axes, 2)) if len(runs) else []
     for pair in pairs[:_MOST_MAPS]:
         (columns, of_column), (rows, of_row) = (labels(runs[axis]) for axis in pair)
         marked = runs.with_columns(column_=of_column, row_=of_row)
         cells = {
-            (i, j): group("", cell, anytime)
+            (i, j): group("", cell)
             for (i, j), cell in marked.group_by("column_", "row_", maintain_order=True)
         }
         parts = [

@@ -87,9 +87,7 @@ def results(study: phalanx.Study) -> list[tuple[object, ...]]:
 
 
 def test_a_row_has_the_bits_of_its_run(pool):
-    study = phalanx.study(
-        "unicycles", seeds=[3], vary=LOSSES, overrides=SHORT, confirm=0, executor=pool
-    )
+    study = phalanx.study("unicycles", seeds=[3], vary=LOSSES, overrides=SHORT, executor=pool)
     assert study.missing == 0
     for row in study.frame.iter_rows(named=True):
         overrides = {**SHORT, "network.loss": row["network.loss"]}
@@ -104,7 +102,7 @@ def test_a_row_has_the_bits_of_its_run(pool):
 
 def test_progress_is_shown_as_a_bar(capsys, monkeypatch, pool):
     monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
-    phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, progress=True, executor=pool)
+    phalanx.study("unicycles", seeds=2, overrides=SHORT, progress=True, executor=pool)
     printed = capsys.readouterr()
     assert printed.out == ""
     assert "unicycles" in printed.err
@@ -112,7 +110,7 @@ def test_progress_is_shown_as_a_bar(capsys, monkeypatch, pool):
 
 
 def test_any_number_of_workers_gives_the_same_rows(pool):
-    plan = {"seeds": 3, "vary": LOSSES, "overrides": SHORT, "confirm": 0, "chunk": 1}
+    plan = {"seeds": 3, "vary": LOSSES, "overrides": SHORT, "chunk": 1}
     one = phalanx.study("unicycles", workers=1, **plan)
     two = phalanx.study("unicycles", executor=pool, **plan)
     assert results(one) == results(two)
@@ -126,28 +124,20 @@ def test_asked_again_it_runs_only_what_is_missing(tmp_path, pool):
             computed[-1] = progress.computed
 
         computed.append(0)
-        fixed = {"overrides": SHORT, "confirm": 0, "out": tmp_path, "progress": count}
+        fixed = {"overrides": SHORT, "out": tmp_path, "progress": count}
         return phalanx.study("unicycles", executor=pool, **fixed, **plan)
 
     first = again(seeds=1, vary={"network.loss": [0.5]})
     assert results(again(seeds=1, vary={"network.loss": [0.5]})) == results(first)
-    again(seeds=2, vary=LOSSES)
-    grown = again(seeds=2, vary={**LOSSES, "safety.rho": [5.0, 2.5]})
-    # Then the margin's present value is a value of its axis, and those rows serve again.
-    assert computed == [1, 0, 3, 4]
-    assert grown.missing == 0
-
-
-def test_runs_are_repeated_as_processes_with_the_same_trajectory():
-    study = phalanx.study("unicycles", overrides=SHORT, confirm=1.0, workers=1)
-    assert study.frame["confirmed"].to_list() == [True]
+    assert again(seeds=2, vary=LOSSES).missing == 0
+    assert computed == [1, 0, 3]
 
 
 @pytest.mark.parametrize("killed", [b"..", b"ss"], ids=["workers", "fork servers"])
 def test_a_worker_or_fork_server_that_dies_costs_its_run_only_some_time(killer, killed):
     overrides, deaths = killer
     deaths.write_bytes(killed)
-    study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2, confirm=0)
+    study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2)
     assert deaths.read_bytes() == b""
     assert study.frame["seed"].to_list() == [0, 1, 2, 3]
     assert "broken" not in study.outcomes
@@ -161,7 +151,7 @@ def test_a_fork_server_that_is_not_dead_yet_costs_no_run(refuses):
         Path(address).unlink()
         if refuses:
             socket.socket(socket.AF_UNIX).bind(address)
-        study = phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, executor=fresh)
+        study = phalanx.study("unicycles", seeds=2, overrides=SHORT, executor=fresh)
     assert study.outcomes == {"guaranteed": 2}
 
 
@@ -169,7 +159,7 @@ def test_a_study_with_a_broken_run_says_so_and_ends_with_3(killer, tmp_path, cap
     overrides, deaths = killer
     deaths.write_bytes(b".....")  # the two runs by turns
     fields = [("--set", f"{path}={inline(value)}") for path, value in overrides.items()]
-    options = ("--seeds", "0:2", "--workers", "1", "--confirm", "0", *chain.from_iterable(fields))
+    options = ("--seeds", "0:2", "--workers", "1", *chain.from_iterable(fields))
     command = ["study", "unicycles", *options, "--out", str(tmp_path / "study")]
     assert status(command) == 3
     first, *lines, last = capsys.readouterr().err.splitlines()
@@ -187,7 +177,7 @@ import phalanx
 
 if __name__ == "__main__":
     phalanx.study(
-        "unicycles", seeds=int(sys.argv[2]), overrides={"duration": 0.2}, confirm=0,
+        "unicycles", seeds=int(sys.argv[2]), overrides={"duration": 0.2},
         out=sys.argv[1], progress=lambda progress: print(progress.done, flush=True),
     )
 """
@@ -218,7 +208,7 @@ def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number, pool):
     assert there >= 5
     computed = []
     study = phalanx.study(
-        "unicycles", seeds=there + 2, overrides=SHORT, confirm=0, out=tmp_path,
+        "unicycles", seeds=there + 2, overrides=SHORT, out=tmp_path,
         progress=lambda progress: computed.append(progress.computed), executor=pool,
     )  # fmt: skip
     assert study.frame["seed"].to_list() == list(range(there + 2))
@@ -245,7 +235,7 @@ def test_a_pool_that_is_cancelled_ends_its_workers_at_once():
 
 
 def test_a_study_may_use_any_executor(pool):
-    plan = {"seeds": 2, "overrides": SHORT, "confirm": 0}
+    plan = {"seeds": 2, "overrides": SHORT}
     with ThreadPoolExecutor(1) as threads:
         study = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
         assert threads.submit(abs, -1).result() == 1  # it is its owner who shuts it down
@@ -261,12 +251,11 @@ def command(*words: object) -> "subprocess.CompletedProcess[str]":
 @pytest.mark.nightly
 def test_the_command_prints_the_rates_and_writes_a_page(tmp_path):
     words = ("unicycles", "--set", "duration=0.2", "--seeds", "0:2", "--out", tmp_path)
-    words += ("--vary", "network.loss=0,.5", "--confirm", "0")
+    words += ("--vary", "network.loss=0,.5")
     process = command(*words)
     assert process.returncode == 0, process.stderr
     assert process.stdout.count("0.000 to 0.842") == 2  # of none in two runs
     assert (tmp_path / "study.html").stat().st_size > 10_000
-    assert command(*words, "--why").stdout.startswith("4 of 4 rows are there; 0 to run")
     row = command("open", tmp_path, "--row", 3)
     assert row.stdout.strip() == (
         "phalanx run unicycles --seed 1 --set duration=0.2 --set network.loss=0.5"

@@ -147,20 +147,6 @@ def test_hostile_text_stays_text(tmp_path):
     assert any("$x_1$" in text and "-->" in text for text in texts)
 
 
-def test_a_study_whose_size_depended_on_results_has_wider_intervals(tmp_path, markup):
-    sequence = page(study(), tmp_path, anytime=True)
-    assert "confidence sequence" in sequence
-    assert "confidence sequence" not in markup
-    cell = re.compile(r">([\d.]+) to ([\d.]+)<")
-
-    def widths(text: str) -> list[float]:
-        heat = drawings(text)[2]
-        return [float(high) - float(low) for low, high in cell.findall(heat)]
-
-    assert len(widths(markup)) == 8
-    assert all(a > b for a, b in zip(widths(sequence), widths(markup), strict=True))
-
-
 def test_an_axis_that_is_drawn_at_random_is_shown_in_ranges(tmp_path):
     rows = [{"gain": i / 7, "seed": i, "worst_h": -1.0 / (i + 1)} for i in range(200)]
     markup = page(frame(rows), tmp_path, ["gain"])

@@ -97,7 +97,6 @@ def test_half_of_a_log_uniform_lies_below_the_geometric_mean():
         ({"vary": {"seed": [1]}}, "expected seeds in `seeds`"),
         ({"vary": {"network.loss": []}}, "vary.network.loss"),
         ({"colour": 1}, "colour: unknown field"),
-        ({"until_width": 2.0}, "until_width"),
         ({"vary": {"agents.0.sensing": [None, 5.0]}}, "vary.agents.0.sensing: expected no None"),
         ({"overrides": {"agents.0.sensing": None}}, "overrides.agents.0.sensing: expected no None"),
         ({"points": [{"agents.0.law": {"gain": None}}]}, "points.agents.0.law: expected no None"),

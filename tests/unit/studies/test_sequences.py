@@ -1,81 +1,13 @@
-"""A confidence sequence holds however often one looks, and a study may stop when it is narrow."""
+"""Betting bounds the mean of seeds with several rows, however often one looks."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson, runs_until_width
+from phalanx.studies.statistics import betting, clopper_pearson
 from tests.layers import layered
-from tests.unit.studies.test_statistics import counted, draws, misses, most_misses
-
-LOOKS = np.arange(10, 1001, 10)
-
-
-def counts_at_looks(rate: float) -> np.ndarray:
-    """Successes at each look, shape (studies, looks)."""
-    return np.cumsum(draws(1000) < rate, axis=1)[:, LOOKS - 1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", [0.01, 0.1, 0.5, 0.9])
-def test_a_look_every_ten_runs_breaks_the_fixed_interval_and_not_the_sequence(rate):
-    successes = counts_at_looks(rate)
-    fixed = misses(clopper_pearson(successes, LOOKS), rate)
-    anytime = misses(beta_mixture(successes, LOOKS), rate)
-    assert fixed[:, -1].sum() <= most_misses()
-    assert fixed.any(axis=1).sum() > 2 * most_misses()
-    assert anytime.any(axis=1).sum() <= most_misses()
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@pytest.mark.parametrize("rate", [0.02, 0.2])
-def test_a_study_that_stops_on_a_width_covers(rate):
-    missed = 0
-    for outcomes in draws(500, seed=3) < rate:
-        stop = runs_until_width(outcomes, 0.2)
-        assert stop is not None
-        missed += int(misses(beta_mixture(outcomes[:stop].sum(), stop), rate))
-    assert missed <= most_misses()
-
-
-def test_the_stop_is_the_first_run_at_which_the_sequence_is_narrow():
-    outcomes = [n % 7 == 0 for n in range(400)]
-    stop = runs_until_width(outcomes, 0.2)
-    widths = [beta_mixture(sum(outcomes[:n]), n).width for n in range(1, 401)]
-    assert stop == next(n for n, width in enumerate(widths, 1) if width <= 0.2)
-    assert runs_until_width(outcomes[:stop], 0.2) == stop
-    assert runs_until_width(outcomes[: stop - 1], 0.2) is None
-    assert runs_until_width([], 0.2) is None
-
-
-@given(counted(), st.sampled_from([0.5, 0.95, 0.999]))
-def test_the_sequence_is_the_set_of_rates_that_the_mixture_does_not_refute(k_of_n, level):
-    k, n = k_of_n
-    low, high = beta_mixture(k, n, level)
-    assert 0.0 <= low <= (k / n if n else 0.5) <= high <= 1.0
-    assert (low, high) == (0.0, 1.0) or n
-    for p in np.linspace(0.001, 0.999, 37):
-        # The martingale as a product of bets, one run after the other.
-        order = np.arange(n) < k
-        guess = (0.5 + np.cumsum(order) - order) / (1.0 + np.arange(n))
-        ratio = np.where(order, guess / p, (1.0 - guess) / (1.0 - p))
-        wealth = np.log(ratio).sum()
-        if abs(wealth + np.log(1.0 - level)) > 1e-9:
-            assert (low <= p <= high) == (wealth < -np.log(1.0 - level))
-
-
-@given(counted())
-def test_failures_mirror_successes(k_of_n):
-    k, n = k_of_n
-    low, high = beta_mixture(k, n)
-    assert beta_mixture(n - k, n) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-12)
-
-
-def test_the_price_of_looking_is_known():
-    assert clopper_pearson(0, 300).high == pytest.approx(0.0122, abs=1e-4)
-    assert beta_mixture(0, 300).high == pytest.approx(0.0212, abs=1e-4)
+from tests.unit.studies.test_statistics import draws, misses, most_misses
 
 
 def seeds_of_rows(kind: str, studies: np.ndarray) -> tuple[np.ndarray, float]:

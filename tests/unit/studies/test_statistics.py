@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
 from phalanx.studies.statistics import (
-    beta_mixture,
     betting,
     clopper_pearson,
     conformal_bound,
@@ -137,21 +136,20 @@ HITS = [True, False, False, True]
 
 
 @pytest.mark.parametrize(
-    ("hits", "seeds", "anytime", "expected"),
+    ("hits", "seeds", "expected"),
     [
-        pytest.param(HITS, [5, 3, 8, 1], False, (0.5, clopper_pearson(2, 4), 4), id="own seeds"),
-        pytest.param(HITS, [5, 3, 8, 1], True, (0.5, beta_mixture(2, 4), 4), id="any time"),
-        pytest.param(HITS, [7] * 4, False, (0.5, clopper_pearson(2, 4), 4), id="one seed"),
-        pytest.param([], [], False, (0.0, (0.0, 1.0), 0), id="no runs"),
+        pytest.param(HITS, [5, 3, 8, 1], (0.5, clopper_pearson(2, 4), 4), id="own seeds"),
+        pytest.param(HITS, [7] * 4, (0.5, clopper_pearson(2, 4), 4), id="one seed"),
+        pytest.param([], [], (0.0, (0.0, 1.0), 0), id="no runs"),
         pytest.param(
-            [*HITS, False, True], [9, 2, 5] * 2, False, (0.5, betting([1.0, 0.0, 0.5]), 6),
+            [*HITS, False, True], [9, 2, 5] * 2, (0.5, betting([1.0, 0.0, 0.5]), 6),
             id="each seed counts once",
         ),
         pytest.param(
-            [True, False, True, False, True], [0, 1, 2, 0, 1], False, (0.5, betting([0.5] * 2), 4),
+            [True, False, True, False, True], [0, 1, 2, 0, 1], (0.5, betting([0.5] * 2), 4),
             id="a seed that some points lack is left out",
         ),
     ],
 )  # fmt: skip
-def test_seeds_that_are_no_runs_own_are_the_draws_of_a_rate(hits, seeds, anytime, expected):
-    assert rate(hits, seeds, anytime) == expected
+def test_seeds_that_are_no_runs_own_are_the_draws_of_a_rate(hits, seeds, expected):
+    assert rate(hits, seeds) == expected

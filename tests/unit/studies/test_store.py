@@ -65,23 +65,8 @@ def test_a_crash_between_the_file_and_the_journal_doubles_no_row(tmp_path):
 def test_a_row_that_is_added_again_replaces_the_first(tmp_path):
     with Store(tmp_path).open(PLAN) as store:
         store.add(row(0))
-        store.add(row(0, confirmed=True))
-    assert Store(tmp_path).frame()["confirmed"].to_list() == [True]
-
-
-def test_a_row_is_copied_to_other_overrides_of_the_same_meaning(tmp_path):
-    with Store(tmp_path).open(PLAN) as store:
-        store.add(row(3))
-        assert store.copy(row(3).identity.key, {}) == "safe"
-    assert Store(tmp_path).frame()["worst_h"].to_list() == [-3.0, -3.0]
-
-
-def test_a_row_that_was_added_after_a_copy_is_copied_too(tmp_path):
-    with Store(tmp_path).open(PLAN) as store:
-        for seed in range(2):
-            store.add(row(seed))
-            store.copy(row(seed).identity.key, {})
-    assert sorted(seeds_in(tmp_path)) == [0, 0, 1, 1]
+        store.add(row(0, platform="another"))
+    assert Store(tmp_path).frame()["platform"].to_list() == ["another"]
 
 
 def test_two_programs_do_not_write_into_one_folder(tmp_path):

@@ -56,28 +56,6 @@ def test_refused_and_searched_rows_enter_no_rate(tmp_path):
     assert len(searched.frame) == 4
 
 
-def test_a_rate_until_a_width_counts_no_run_behind_a_gap(tmp_path):
-    """A run that takes long ends late: runs behind it may be there first, and are no sample."""
-    plan = plan_from({"scenario": "unicycles", "seeds": "0:100", "until_width": 0.4})
-    rows = {place: "violated" if place % 2 else "safe" for place in range(100)}
-    whole = studied(tmp_path / "whole", plan, rows)
-    stop = len(whole.frame)
-    assert 20 < stop < 100
-    del rows[10]
-    assert studied(tmp_path / "gap", plan, rows).frame["seed"].to_list() == list(range(10))
-
-
-def test_a_refused_seed_is_no_run_of_a_rate_until_a_width(tmp_path):
-    """The rate is as wide as without it, at the same number of runs."""
-    plan = plan_from({"scenario": "unicycles", "seeds": "0:100", "until_width": 0.4})
-    outcomes = ["violated" if place % 2 else "safe" for place in range(100)]
-    whole = studied(tmp_path / "whole", plan, dict(enumerate(outcomes)))
-    refused = ["refused"] * 20 + outcomes[:80]
-    study = studied(tmp_path / "refused", plan, dict(enumerate(refused)))
-    assert len(study.frame) == len(whole.frame) + 20
-    assert study.rates().drop("runs").equals(whole.rates().drop("runs"))
-
-
 def test_a_field_that_only_some_points_set_is_a_column_of_numbers(tmp_path):
     points = [{"safety.eta": 1.0, "safety.margin": "paper"}, {"safety.margin": "local"}]
     plan = plan_from({"scenario": "guaranteed", "points": points})

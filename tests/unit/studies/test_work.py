@@ -83,7 +83,7 @@ def test_threads_of_an_executor_compute_the_rows_of_one():
     for threads in (1, 2):
         with ThreadPoolExecutor(threads) as executor:
             study = phalanx.study(
-                "guaranteed", seeds=4, overrides={"duration": 0.2}, executor=executor, confirm=0.0
+                "guaranteed", seeds=4, overrides={"duration": 0.2}, executor=executor
             )
             trajectories.append(study.frame["trajectory"].to_list())
     assert trajectories[0] == trajectories[1]
