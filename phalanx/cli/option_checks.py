@@ -89,13 +89,6 @@ def require_other(option: str, path: Path | None, recordings: Sequence[Path]) ->
         raise typer.BadParameter(f"{option}: expected another file than the recording, got {path}")
 
 
-def require_png(path: Path | None) -> Path | None:
-    """Reject a picture file whose name does not end in .png."""
-    if path is not None and path.suffix != ".png":
-        raise typer.BadParameter(f"expected a file whose name ends in .png, got {path}")
-    return require_file(path)
-
-
 def require_folder(path: Path | None) -> Path | None:
     """Reject a folder that cannot be made because it, or one of its parents, is a file."""
     if path is not None:

@@ -24,7 +24,7 @@ READERS = (
     "verify",
     *(
         pytest.param(command, marks=pytest.mark.nightly)
-        for command in ("certify", "view", "export --png picture.png")
+        for command in ("certify", "view", "export --csv tables")
     ),
 )
 

@@ -82,8 +82,7 @@ def test_readme_snippet_runs_from_the_wheel(installed: Path, elsewhere: dict) ->
 
 def test_an_export_is_made_by_what_the_wheel_brings(elsewhere: dict) -> None:
     phalanx(elsewhere, "run", "pinned", "--engine", "in-process", "--no-report", status=2)
-    phalanx(elsewhere, "export", "runs/pinned-1", "--png", "pinned.png", "--html", "pinned.html")
-    assert (elsewhere["cwd"] / "pinned.png").stat().st_size > 5_000
+    phalanx(elsewhere, "export", "runs/pinned-1", "--html", "pinned.html")
     assert (elsewhere["cwd"] / "pinned.html").stat().st_size > 50_000
 
 

@@ -114,14 +114,6 @@ def export(
         Path | None,
         typer.Option(callback=_FILE, help="Write one HTML file with scene and plots there."),
     ] = None,
-    png: Annotated[
-        Path | None,
-        typer.Option(callback=checks.require_png, help="Write a picture there, a PNG file."),
-    ] = None,
-    at: Annotated[
-        float | None,
-        typer.Option(help="Time of the picture, in seconds; by default the worst moment."),
-    ] = None,
     mcap: Annotated[
         Path | None,
         typer.Option(callback=_FILE, help="Write a recording for Foxglove and others there."),
@@ -132,7 +124,7 @@ def export(
     csv: Annotated[Path | None, typer.Option(callback=_FOLDER, help="The same as CSV.")] = None,
     trust: options.Trust = False,
 ) -> int:
-    """Export a run: HTML that plays without a server, a picture, or data for other tools.
+    """Export a run: HTML that plays without a server, or data for other tools.
 
     Examples:
 
@@ -146,12 +138,10 @@ def export(
     from phalanx.recording.read import UnreadableRecordingError, find, read
     from phalanx_viewer.export.write import run as write
 
-    files = {"html": html, "png": png, "mcap": mcap}
+    files = {"html": html, "mcap": mcap}
     paths = files | {"parquet": parquet, "csv": csv}
     if not any(paths.values()):
         raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in paths)}")
-    if at is not None and png is None:
-        raise typer.BadParameter("--at: expected --png with it")
     configure_logging()
     try:
         for option, path in files.items():
@@ -160,11 +150,9 @@ def export(
             show("reading the recording")
             recorded = read(run, trust)
             warn_of_damage(recorded)
-            written = write(recorded, at=at, progress=show, **paths)
+            written = write(recorded, progress=show, **paths)
         echo(*written)
     except (UnreadableRecordingError, OSError) as error:
         echo_error(error)
         return 3
-    except ValueError as error:  # a time outside the run
-        raise typer.BadParameter(str(error)) from error
     return 0

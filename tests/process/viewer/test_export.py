@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib.image
 import msgspec
-import numpy as np
 import pytest
 from phalanx_viewer.export.write import run
 from zstandard import ZstdDecompressor
@@ -65,17 +63,6 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     offline.keyboard.press("Space")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != "0")
     assert not [url for url in requests if url.startswith(("http", "ws"))]
-
-
-def test_a_picture_at_a_time_differs_from_one_at_another(finished: Path, tmp_path: Path) -> None:
-    pictures = []
-    for at in (0.5, 3.5):
-        png = tmp_path / f"{at}.png"
-        run(read(finished), png=png, at=at)
-        pictures.append(matplotlib.image.imread(png))
-    first, second = pictures
-    assert first.shape == second.shape
-    assert np.mean(np.any(first != second, axis=2)) > 0.005
 
 
 def texts_of(page: str) -> set[str]:

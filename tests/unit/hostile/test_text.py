@@ -105,7 +105,7 @@ def test_a_command_prints_text(
         ["verify"],
         ["certify"],
         ["view"],
-        ["export", "--png", "x.png"],
+        ["export", "--html", "x.html"],
     ],
 )
 def test_an_agent_of_a_name_that_no_agent_has_is_refused_in_text(

@@ -1,1 +1,1 @@
-"""A run as files to share: a page that plays by itself, a picture, tables, MCAP for other tools."""
+"""A run as files to share: a page that plays by itself, tables, MCAP for other tools."""

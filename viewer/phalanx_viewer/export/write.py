@@ -14,7 +14,6 @@ from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.export.content import Content
-from phalanx_viewer.export.still import draw
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content, script
 from phalanx_viewer.scene.picture import Picture
@@ -31,7 +30,6 @@ _FRAME_PERIOD = 1.0 / 30.0
 def run(
     recorded: Recording,
     *,
-    at: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **paths: Path | None,
 ) -> list[Path]:
@@ -39,17 +37,14 @@ def run(
 
     Args:
         recorded: the run.
-        at: time of the picture [s]; by default the worst moment.
         progress: called with the name of the next part.
-        paths: of html, a self-contained page; png, a picture; mcap, a recording for Foxglove and
-            others; parquet and csv, folders for the run's tables.
+        paths: of html, a self-contained page; mcap, a recording for Foxglove and others; parquet
+            and csv, folders for the run's tables.
 
-    Returns the files written. Raises OSError, and ValueError for a time outside the run.
+    Returns the files written. Raises OSError.
     """
     replay = Replay(recorded)
     model = replay.model
-    if at is not None and not replay.times[0] <= at <= replay.end:
-        raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")
     written = []
     for kind, path in paths.items():
         if path is None:
@@ -58,8 +53,6 @@ def run(
             case "html":
                 with whole_file(path) as part:
                     part.write_text(_document(replay, progress), encoding="utf-8")
-            case "png":
-                draw(replay, replay.worst_at if at is None else at, path)
             case "mcap":
                 progress("messages")
                 # Imported here: not every user needs its libraries.
