@@ -93,7 +93,7 @@ class RunOptions:
         engine: "processes", every program a process of its own over Zenoh, or "in-process", the
             same control steps called directly; both give the same trajectory to the last bit.
         out: of phalanx.run: folder in which the run gets a folder of its own. By default a
-            temporary one, removed with the returned object; pickling the object copies its files.
+            temporary one, removed with the returned object.
         progress: called a few times a second with the run's status, perhaps in another thread.
         commands: the secret of those who may command the run, its speed, and scheduled commands.
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.

@@ -54,27 +54,6 @@ class Run:
         self._recording = recording
         self._opened = recording.path if recording else folder
         """The path to read again: an opened file may have another name than recording.mcap."""
-        self._made_here = recording is None
-        """Whether this program or its worker made the run, and so chose its code."""
-        self._trust = False
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the state for another process, with all files of a temporary folder."""
-        paths = self.folder.rglob("*") if self._temporary else ()
-        files = {p.relative_to(self.folder): p.read_bytes() for p in paths if p.is_file()}
-        fields = ("folder", "summary", "_opened", "_made_here")
-        return {"files": files, **{name: getattr(self, name) for name in fields}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        files = state.pop("files")
-        vars(self).update(state, _recording=None, _temporary=None, _trust=state["_made_here"])
-        if files:
-            self._temporary = tempfile.TemporaryDirectory(prefix="phalanx-")
-            self.folder = self._opened = Path(self._temporary.name) / self.folder.name
-        for path, content in files.items():
-            file = self.folder / path
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(content)
 
     @property
     def verdict(self) -> Outcome | None:
@@ -85,7 +64,7 @@ class Run:
     def recording(self) -> Recording:
         """The recording. Raises UnreadableRecordingError."""
         if self._recording is None:
-            self._recording = read(self._opened, self._trust)
+            self._recording = read(self._opened)
         return self._recording
 
     @property
@@ -148,49 +127,40 @@ class Run:
 
         return pl.DataFrame(network_effect(self.scenario), orient="row")
 
-    def report(
-        self, progress: Callable[[str], None] | None = None, *, style: str = "screen"
-    ) -> Path:
+    def report(self, progress: Callable[[str], None] | None = None) -> Path:
         """Write report.html and its figures into the run's folder; return the path of report.html.
 
-        Args:
-            progress: called with the name of each figure before it is drawn.
-            style: "screen", or "paper": figures as wide as a paper's column, also as PDF.
-
-        Raises ValueError: there is no such style.
+        progress: called with the name of each figure before it is drawn.
         """
         require_functions(progress=progress or silent)
-        written: Path = extension("report")(self._opened, progress, style)
+        written: Path = extension("report")(self._opened, progress)
         return written
 
-    def plot(
-        self, *panels: str, axes: Mapping[str, Any] | None = None, style: str = "screen"
-    ) -> dict[str, Any]:
+    def plot(self, *panels: str, axes: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Draw the run on matplotlib axes, and return them by panel.
 
         Args:
             panels: some of "paths" (seen from above), "h", "inputs" (the share of their bounds),
                 "certified"; by default those of `axes`, or all.
             axes: those to draw on, by panel; by default a new figure's, which pyplot shows.
-            style: "screen", or "paper": as wide as a paper's column.
 
-        Raises ValueError: there is no such panel or style, or the recording holds no state.
+        Raises ValueError: there is no such panel, or the recording holds no state.
         """
-        axes_by_panel: dict[str, Any] = extension("plot")(self.recording, panels, axes, style)
+        axes_by_panel: dict[str, Any] = extension("plot")(self.recording, panels, axes)
         return axes_by_panel
 
     def animate(self, path: str | Path, *, speed: float = 1.0, per_second: int = 15) -> Path:
         """Write the run as a moving picture: agents, broadcasts, h_tot, and the verdict at its end.
 
         Args:
-            path: a name that ends in .gif, .webp or, with the program ffmpeg, .mp4.
+            path: a name that ends in .gif or .webp.
             speed: virtual seconds in a second.
             per_second: frames.
 
         Returns the path.
 
         Raises:
-            ValueError: there is no such format, or ffmpeg or a state to draw is missing.
+            ValueError: there is no such format, or no state to draw.
             OSError: it cannot be written.
         """
         written: Path = extension("animate")(self.recording, Path(path), speed, per_second)

@@ -1,12 +1,10 @@
 """A run as a moving picture: agents, their links, words, and the time in h_tot."""
 
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
@@ -31,9 +29,8 @@ from phalanx.report.safety import draw_h, required_distance
 from phalanx.report.style import LIMIT, NORMAL, PEAK, colours, summarises
 from phalanx.theory.arrays import Array
 
-_FORMATS = (".gif", ".webp", ".mp4")
 _UNITS = {".gif": 10, ".webp": 1}
-"""In what the format counts time [ms]."""
+"""In what each format counts time [ms]."""
 _COLOURS = 128
 _VERDICT = 2.5
 """How long the last frame is shown [s]."""
@@ -53,10 +50,8 @@ Show = Callable[[int], None]
 
 def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: int = 15) -> Path:
     """Write a recording as a moving picture, as Run.animate says."""
-    if path.suffix not in _FORMATS:
-        raise ValueError(f"path: expected a name that ends in {', '.join(_FORMATS)}, got {path}")
-    if path.suffix == ".mp4" and not shutil.which("ffmpeg"):
-        raise ValueError("path: .mp4 needs the program ffmpeg: install it, or write .webp or .gif")
+    if path.suffix not in _UNITS:
+        raise ValueError(f"path: expected a name that ends in {', '.join(_UNITS)}, got {path}")
     if not (speed > 0.0 and 1 <= per_second <= 60):
         raise ValueError(
             f"speed and per_second: expected above 0, and 1 to 60, got {speed} and {per_second}"
@@ -67,7 +62,7 @@ def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: in
     count = max(int(history.times[-1] / speed * per_second), 1)
     stage = Stage(history, Film(np.linspace(0.0, history.times[-1], count + 1), per_second, speed))
     with whole_file(path) as part:
-        (_write_video if path.suffix == ".mp4" else _write_image)(stage, part)
+        _write_image(stage, part)
     return path
 
 
@@ -89,7 +84,6 @@ class Stage:
         self.film = film
         low, high = scene_box(history)
         tall = min(max((_WIDTH - 1.0) * (high[1] - low[1]) / (high[0] - low[0]), 2.5), 6.0)
-        tall = round(tall, 1)  # an even number of pixels, as videos need
         size = _WIDTH, tall + _STRIP + 0.9
         self.figure = Figure(size, _RESOLUTION, layout="constrained", facecolor="white")
         arena, strip = self.figure.subplots(2, 1, height_ratios=[tall, _STRIP])
@@ -115,16 +109,6 @@ class Stage:
         for number in range(len(self.film.times)):
             self.show(number)
             yield number
-
-
-def _write_video(stage: Stage, part: Path) -> None:
-    looks = ["-pix_fmt", "yuv420p"]  # what every player can show
-    writer = FFMpegWriter(fps=stage.film.per_second, codec="h264", extra_args=looks)
-    with writer.saving(stage.figure, str(part), _RESOLUTION):
-        for _ in stage.frames():
-            writer.grab_frame()
-        for _ in range(int(_VERDICT * stage.film.per_second)):
-            writer.grab_frame()
 
 
 def _write_image(stage: Stage, part: Path) -> None:

@@ -1,7 +1,7 @@
 """phalanx report and animate: figures and moving pictures of a run."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -17,10 +17,6 @@ def register(app: typer.Typer) -> None:
 def report(
     run: RunArgument,
     trust: Trust = False,
-    style: Annotated[
-        Literal["screen", "paper"],
-        typer.Option(help="paper: figures as wide as a paper's column, also as PDF."),
-    ] = "screen",
 ) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 
@@ -35,7 +31,7 @@ def report(
     recorded = phalanx.open(run, trust=trust)
     warn_of_damage(recorded.recording)
     with spinner("drawing the report") as show:
-        written = recorded.report(show, style=style)
+        written = recorded.report(show)
     echo(written)
     echo(f"recording: {size_in_words(recorded.recording)}")
     return 0
@@ -43,7 +39,7 @@ def report(
 
 def animate(
     run: RunArgument,
-    picture: Annotated[Path, typer.Argument(help="Ends in .webp, .gif or .mp4.")],
+    picture: Annotated[Path, typer.Argument(help="Ends in .webp or .gif.")],
     speed: Annotated[float, typer.Option(help="Virtual seconds in a second.")] = 1.0,
     trust: Trust = False,
 ) -> int:

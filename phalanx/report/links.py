@@ -108,14 +108,14 @@ def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     positions = np.arange(len(worst))
     loss = np.array([link.model.loss for link in worst])
     spread = 2.0 * np.sqrt(loss * (1.0 - loss) / [link.decided for link in worst])
-    lost, small = [100 * link.loss for link in worst], style.current().small
+    lost = [100 * link.loss for link in worst]
     axes.bar(positions, lost, width=0.6, color=style.MUTED, label="lost")
     axes.errorbar(
         positions, 100 * loss, yerr=100 * spread, fmt="_", color=style.LIMIT, markersize=14,
         capsize=4, label="link model, ±2 standard deviations\nof independent losses",
     )  # fmt: skip
     axes.set_xticks(positions, [link.name for link in worst])
-    axes.tick_params(axis="x", rotation=90 if len(worst) > 14 else 0, labelsize=small)
+    axes.tick_params(axis="x", rotation=90 if len(worst) > 14 else 0, labelsize=style.SMALL)
     axes.set_ylim(0.0, max(1.0, axes.get_ylim()[1]))
     axes.set_ylabel("lost broadcasts [%]")
     style.legend(axes)
@@ -150,7 +150,7 @@ def space_time(history: ReportHistory) -> Figure | None:
         return None
     names, agents = history.swarm.names, _zoomed_agents(history)
     heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(agents)]
-    size = style.current().width, (sum(heights) + 1.6) * style.current().heights
+    size = style.WIDTH, sum(heights) + 1.6
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
     steps = [history.agent(i) for i in range(len(names))]
@@ -187,7 +187,7 @@ def _draw_whole(axes: Axes, history: ReportHistory) -> None:
         aspect="auto", interpolation="nearest", extent=(0.0, end, count - 0.5, -0.5),
     )  # fmt: skip
     ticks = range(0, count, -(-count // _MOST_LANES))
-    axes.set_yticks(list(ticks), [swarm.names[i] for i in ticks], fontsize=style.current().small)
+    axes.set_yticks(list(ticks), [swarm.names[i] for i in ticks], fontsize=style.SMALL)
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
@@ -229,7 +229,7 @@ def _draw_zoom(
         )  # fmt: skip
     axes.set_xlim(begin, end)
     axes.set_ylim(len(agents) - 0.5, -0.5)
-    axes.set_yticks(range(len(agents)), [names[i] for i in agents], fontsize=style.current().small)
+    axes.set_yticks(range(len(agents)), [names[i] for i in agents], fontsize=style.SMALL)
     omitted = len(names) - len(agents)
     axes.set_ylabel("agent" + (f", {omitted} more not drawn" if omitted else ""))
     axes.set_xlabel("t [s]")

@@ -24,11 +24,11 @@ def paths(history: RecordedHistory) -> Figure:
     """Draw paths in the plane; for 3-D positions, seen from above and from the side."""
     planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
     low, high = scene_box(history)
-    width, look = high[0] - low[0], style.current()
-    heights = [(look.width - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
+    width = high[0] - low[0]
+    heights = [(style.WIDTH - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
     # A flat or tall scene would make a sliver or a tower of a figure.
-    heights = [min(max(h, 2.5 * look.heights), 8.5 * look.heights) for h in heights]
-    figure = Figure((look.width, sum(heights) + 0.5), layout="compressed", facecolor="white")
+    heights = [min(max(h, 2.5), 8.5) for h in heights]
+    figure = Figure((style.WIDTH, sum(heights) + 0.5), layout="compressed", facecolor="white")
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         draw_scene(axes, history, plane)
@@ -125,8 +125,8 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
         if isinstance(obstacle, Sphere):
             reach = obstacle.clearance
             axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
-        small = style.current().small
-        axes.annotate(str(k), center, ha="center", va="center", fontsize=small, color=style.LIMIT)
+        looks = {"fontsize": style.SMALL, "color": style.LIMIT}
+        axes.annotate(str(k), center, ha="center", va="center", **looks)
     for line in outlines(scenario.static):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:

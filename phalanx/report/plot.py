@@ -10,7 +10,7 @@ from phalanx.recording.read import Recording
 from phalanx.report.paths import draw_paths, draw_scene
 from phalanx.report.safety import draw_h
 from phalanx.report.steps import draw_certified, draw_shares
-from phalanx.report.style import SCREEN, current, drawn_for, legend
+from phalanx.report.style import WIDTH, legend
 
 _HEIGHT, _PATHS = 2.5, 5.0
 """Of a panel, and of the paths [inch]."""
@@ -20,7 +20,6 @@ def plot(
     recording: Recording,
     panels: Sequence[str] = (),
     axes: Mapping[str, Axes] | None = None,
-    style: str = SCREEN,
 ) -> dict[str, Axes]:
     """Draw panels of a run, of PANELS, as Run.plot says."""
     chosen = tuple(panels or axes or PANELS)
@@ -31,19 +30,18 @@ def plot(
     if not recording.states:
         raise ValueError(f"{recording.path}: the recording holds no state: nothing to draw")
     history = ReportHistory(recording)
-    with drawn_for(style):
-        axes_by_panel = dict(axes) if axes is not None else _new_axes(chosen)
-        for name in chosen:
-            PANELS[name](axes_by_panel[name], history)
+    axes_by_panel = dict(axes) if axes is not None else _new_axes(chosen)
+    for name in chosen:
+        PANELS[name](axes_by_panel[name], history)
     return {name: axes_by_panel[name] for name in chosen}
 
 
 def _new_axes(panels: Sequence[str]) -> dict[str, Axes]:
     """Make a figure with a column of these panels, which pyplot shows."""
-    style = current()
     heights = [_PATHS if name == "paths" else _HEIGHT for name in panels]
-    size = style.width, (sum(heights) + 0.3) * style.heights
-    figure = plt.figure(figsize=size, layout="constrained", facecolor="white")
+    figure = plt.figure(
+        figsize=(WIDTH, sum(heights) + 0.3), layout="constrained", facecolor="white"
+    )
     rows = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
     return dict(zip(panels, rows, strict=True))
 

@@ -1,12 +1,9 @@
 """The style of every figure: size, axes, legends, one colour for each agent; and its images."""
 
-import contextlib
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextvars import ContextVar
-from textwrap import fill
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -32,37 +29,10 @@ MOST_NAMED = 12
 """Most entries of a legend, and most agents that are drawn one by one."""
 FEW = 4
 """Number of the worst agents drawn by name where there are more than MOST_NAMED."""
-
-
-class Style(NamedTuple):
-    """Sizes of figures, for one kind of reader."""
-
-    width: float
-    """[inch]"""
-    heights: float
-    """Factor of all heights."""
-    title: float
-    """Size of titles [pt]."""
-    small: float
-    """Size of legends and of many labels [pt]."""
-    beside: bool
-    """Whether legends stand to the right of panels, and not above them."""
-    settings: Mapping[str, Any]
-    """Of matplotlib."""
-
-
-STYLES = {
-    "screen": Style(9.0, 1.0, 10.0, 8.0, beside=True, settings={}),
-    # A column of a two-column paper. Type 42: many publishers refuse matplotlib's type 3.
-    "paper": Style(
-        3.45, 0.62, 7.0, 6.0, beside=False,
-        settings={"font.size": 7.0, "pdf.fonttype": 42, "lines.markersize": 3.0},
-    ),
-}  # fmt: skip
-"""The styles by name, the default first."""
-SCREEN = next(iter(STYLES))
-_PANEL, _LETTERS = 0.8, 18
-"""Width of a panel as a share of its figure, and letters of a title on each inch of that."""
+WIDTH = 9.0
+"""Of a figure [inch]."""
+SMALL = 8.0
+"""Size of legends and of many labels [pt]."""
 _DPI = 110
 _MARGIN = 0.1
 """Margin around the drawn part of a figure [inch]."""
@@ -82,25 +52,6 @@ DARK = {
 _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "phalanx", "text.parse_math": False}
 _NAMELESS = {"Date": None, "Creator": None}
 _COLOUR = re.compile(r"(?<=fill: |roke: )#[0-9a-f]{6}")
-_current = ContextVar("style", default=STYLES[SCREEN])
-
-
-@contextlib.contextmanager
-def drawn_for(name: str) -> Iterator[None]:
-    """Draw in the style of this name during the block. Raises ValueError if there is none."""
-    if name not in STYLES:
-        raise ValueError(f"style: expected {' or '.join(map(repr, STYLES))}, got {name!r}")
-    before = _current.set(STYLES[name])
-    try:
-        with mpl.rc_context(dict(STYLES[name].settings)):
-            yield
-    finally:
-        _current.reset(before)
-
-
-def current() -> Style:
-    """Return the style to draw in."""
-    return _current.get()
 
 
 def colours(scenario: Scenario) -> dict[str, str]:
@@ -119,9 +70,7 @@ def summarises(scenario: Scenario) -> bool:
 
 def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     """Make a figure with a column of panels of this height [inch] that share their x axis."""
-    style = current()
-    size = style.width, (rows * height + 0.3) * style.heights
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    figure = Figure(figsize=(WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
     for panel in axes:
         style_axes(panel)
@@ -154,30 +103,18 @@ def logarithmic(axes: Axes) -> None:
 
 def title(axes: Axes, text: str, colour: str = "black") -> None:
     """Write a title above the right end of a panel."""
-    axes.set_title(text, loc="right", color=colour, fontsize=current().title)
+    axes.set_title(text, loc="right", color=colour, fontsize=10.0)
 
 
 def legend(
     axes: Axes, title: str = "", most: int = MOST_NAMED, handles: Sequence[Artist] = ()
 ) -> None:
-    """Name the first lines or handles to the right of the panel, or above it below its title."""
-    style, handles = current(), (handles or axes.get_legend_handles_labels()[0])[:most]
-    looks: dict[str, Any] = {"handles": handles, "fontsize": style.small, "frameon": False}
-    looks |= {"title": title, "title_fontsize": style.small}
-    if style.beside and handles:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), **looks)
-    elif handles:
-        heading = ": ".join(filter(None, (title, axes.get_title(loc="right"))))
-        axes.set_title("", loc="right")
-        looks |= {"title": fill(heading, round(_LETTERS * style.width)), "borderpad": 0.0}
-        looks |= {"labelspacing": 0.2, "handlelength": 1.2, "columnspacing": 1.0}
-        figure: Any = axes.figure
-        for columns in (4, 3, 2, 1):
-            entries = axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, **looks)
-            box = entries.get_window_extent()
-            if box.width < _PANEL * figure.bbox.width:
-                break
-        figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)  # panels keep theirs
+    """Name the first lines or handles to the right of the panel."""
+    if handles := (handles or axes.get_legend_handles_labels()[0])[:most]:
+        axes.legend(
+            handles=handles, fontsize=SMALL, frameon=False, title=title, title_fontsize=SMALL,
+            loc="upper left", bbox_to_anchor=(1.0, 1.02),
+        )  # fmt: skip
 
 
 def draw_line(

@@ -29,7 +29,7 @@ from phalanx.report.html import (
 )
 from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
 from phalanx.report.paths import paths
-from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, image_of, summarises
+from phalanx.report.style import FEW, MOST_NAMED, image_of, summarises
 from phalanx.theory.rows.origin import (
     EMPTY,
     OF_CONTROLLERS,
@@ -54,8 +54,6 @@ _MEANING = {
     Outcome.BROKEN: "The run did not reach its end.",
     Outcome.STOPPED: "The run was stopped by its user.",
 }
-_DATELESS = {"CreationDate": None}
-"""Metadata of PDF: the same run gives the same file."""
 
 
 class ReportFigure(NamedTuple):
@@ -67,28 +65,22 @@ class ReportFigure(NamedTuple):
     figure: Figure
 
 
-def write_report(
-    run: Path, progress: Callable[[str], None] | None = None, style: str = SCREEN
-) -> Path:
+def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Path:
     """Write report.html and figures/* next to a recording, whole or cut short, as Run.report says.
 
-    run: its folder, or its recording. Raises UnreadableRecordingError, OSError, ValueError.
+    run: its folder, or its recording. Raises UnreadableRecordingError, OSError.
     """
     images: list[tuple[str, bytes]] = []
-    with drawn_for(style):
-        recording = read(run)
-        figures = real_folder(recording.path.parent / "figures")
-        history, links = ReportHistory(recording), link_statistics(recording)
-        for drawing in draw_figures(history, links):
-            if progress:
-                progress(drawing.name)
-            if style == "paper":
-                with whole_file(figures / f"{drawing.name}.pdf") as part:
-                    drawing.figure.savefig(part, metadata=_DATELESS)
-            image = image_of(drawing.figure)
-            with whole_file(figures / f"{drawing.name}.png") as part:
-                part.write_bytes(image)
-            images.append((drawing.caption, image))
+    recording = read(run)
+    figures = real_folder(recording.path.parent / "figures")
+    history, links = ReportHistory(recording), link_statistics(recording)
+    for drawing in draw_figures(history, links):
+        if progress:
+            progress(drawing.name)
+        image = image_of(drawing.figure)
+        with whole_file(figures / f"{drawing.name}.png") as part:
+            part.write_bytes(image)
+        images.append((drawing.caption, image))
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report = recording.path.parent / REPORT
     return write_page(report, recording, metrics, links, images, notes(history))

@@ -1,13 +1,9 @@
 """The Python API, as a researcher meets it."""
 
-import gc
-import multiprocessing
-import pickle
 import socket
 import subprocess
 import sys
 import urllib.request
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import polars as pl
@@ -94,31 +90,6 @@ def test_a_run_without_a_folder_of_its_own_leaves_nothing_behind():
     assert folder.is_dir()
     del run
     assert not folder.exists()
-
-
-def a_study(seed: int) -> phalanx.Run:
-    return phalanx.run(phalanx.load("one-on-one", {"duration": 0.2}, seed), engine="in-process")
-
-
-@pytest.mark.nightly
-def test_a_run_that_a_worker_process_made_can_be_read_at_home():
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        run = pool.submit(a_study, 3).result()
-    assert run.states["t"][-1] == 0.2
-    assert run.summary.trajectory == a_study(3).summary.trajectory
-    folder = run.folder
-    assert run.report().parent == folder
-    del run
-    gc.collect()
-    assert not folder.exists()
-
-
-def test_a_run_with_a_folder_is_found_there_by_another_process(tmp_path):
-    scenario = phalanx.load("one-on-one", {"duration": 0.2})
-    run = phalanx.run(scenario, engine="in-process", out=tmp_path)
-    again = pickle.loads(pickle.dumps(run))
-    assert again.folder == run.folder
-    assert again.states.equals(run.states)
 
 
 def test_progress_is_reported_while_the_run_goes_on():

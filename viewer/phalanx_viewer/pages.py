@@ -21,8 +21,6 @@ from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
 
 _LOG = "viewer.log"
-_STARTS = 4
-"""Most starts of one page."""
 _TIMEOUT = 5.0
 """Time for the hub of a run to answer, before checking whether the run is over [s]."""
 
@@ -68,7 +66,7 @@ class ViewerPage(AbstractContextManager["ViewerPage"]):
 
 
 class LivePage(AbstractContextManager["LivePage"]):
-    """The page of a run while it goes on, then of its recording; started again if it dies."""
+    """The page of a run while it goes on, then of its recording."""
 
     def __init__(
         self, port: int | None = None, command_secret: bytes = b"", token: str = ""
@@ -92,7 +90,7 @@ class LivePage(AbstractContextManager["LivePage"]):
     def serve(self, folder: Path) -> None:
         """Show the run of a folder. The page's log is among the run's logs."""
         self._process = start_process(_serve, folder, *self._options, daemon=True)
-        self._watch = threading.Thread(target=self._restart_when_dead, args=(folder,), daemon=True)
+        self._watch = threading.Thread(target=self._say_if_it_dies, args=(folder,), daemon=True)
         self._watch.start()
 
     @property
@@ -116,20 +114,14 @@ class LivePage(AbstractContextManager["LivePage"]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _restart_when_dead(self, folder: Path) -> None:
-        """Start the page again when it dies, and print why; give up after _STARTS."""
-        for restarts in reversed(range(_STARTS)):
-            assert self._process
-            self._process.join()
-            if self._closed.is_set() or self._process.exitcode == 0:
-                return
-            after = "it is started again" if restarts else f"phalanx view {folder} shows the run"
-            died = f"the page died ({_cause_of_death(self._process, folder)}): {after}"
-            print(printable(died), file=sys.stderr)
-            if restarts:
-                self._process = start_process(_serve, folder, *self._options, daemon=True)
-                if self._closed.is_set():  # while it was started: close() did not see this process
-                    self._process.terminate()
+    def _say_if_it_dies(self, folder: Path) -> None:
+        """Wait until the page has ended; if it died, print why."""
+        assert self._process
+        self._process.join()
+        if not self._closed.is_set() and self._process.exitcode:
+            cause = _cause_of_death(self._process, folder)
+            words = f"the page died ({cause}): phalanx view {folder} shows the run"
+            print(printable(words), file=sys.stderr)
 
 
 def _cause_of_death(process: BaseProcess, folder: Path) -> str:

@@ -1,6 +1,5 @@
 """The process that forks the programs: they inherit from it, and do not depend on it."""
 
-import resource
 from concurrent.futures import ThreadPoolExecutor
 
 import psutil
@@ -71,14 +70,6 @@ def stopped_before_agents(phalanx):
     raise AssertionError("the agents came too soon, ten times")
 
 
-def test_the_plant_may_open_as_many_files_as_the_system_lets_it(phalanx):
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    run = phalanx("run", "unicycles", limit=lambda: resource.setrlimit(_FILES, (256, hard)))
-    run.wait_until_running()
-    plant = run.programs()["phx-plant"]
-    assert plant.rlimit(psutil.RLIMIT_NOFILE) == (hard, hard)
-
-
 def test_no_agent_loads_anything_after_it_was_forked(phalanx, monkeypatch):
     # Agents of these draw the network's chances, and solve with OSQP.
     monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
@@ -104,6 +95,3 @@ def test_a_member_of_a_hub_that_never_says_it_is_ready_gives_up():
     endpoint = free_endpoint()
     with open_hub(endpoint), pytest.raises(HubError, match="no program has announced test/alive"):
         open_member(endpoint, "test/alive/plant", 2.0)
-
-
-_FILES = resource.RLIMIT_NOFILE

@@ -35,30 +35,17 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
 
 
 @pytest.mark.nightly
-def test_a_page_that_dies_is_started_again_a_few_times_and_the_terminal_says_so(phalanx):
+def test_a_run_goes_on_without_a_page_that_dies_and_the_terminal_says_so(phalanx):
     port = free_port()
     run = phalanx("run", "unicycles", *LONG, "--view", "--port", str(port))
-    killed = set()
-
-    def kill_the_next_page() -> bool:
-        page = run.programs().get("phx-viewer")
-        if page and page.pid not in killed and served(port):
-            killed.add(page.pid)
-            page.kill()
-            return True
-        return False
-
-    for _ in range(4):
-        wait_for(kill_the_next_page)
+    wait_for(lambda: "phx-viewer" in run.programs() and served(port))
+    run.programs()["phx-viewer"].kill()
     assert run.process.stderr is not None
-    output = ""
-    while f"phalanx view {run.folder}" not in output:
-        output += run.process.stderr.readline()
-    assert output.count("the page died (killed by signal 9)") == 4
-    assert output.count("it is started again") == 3
+    expected = f"the page died (killed by signal 9): phalanx view {run.folder} shows the run"
+    assert run.process.stderr.readline().strip() == expected
     recording = run.folder / "recording.mcap"
     recorded = recording.stat().st_size
-    wait_for(lambda: recording.stat().st_size > recorded)  # the run goes on without a page
+    wait_for(lambda: recording.stat().st_size > recorded)
     run.process.send_signal(signal.SIGINT)
     status, output = run.finish()
     assert status == 130, output
@@ -70,18 +57,6 @@ def test_a_taken_port_is_an_error_that_names_it(phalanx):
         status, output = phalanx("run", "unicycles", "--view", "--port", port).finish()
     assert status == 64
     assert f"--port: cannot listen on 127.0.0.1:{port}" in output
-
-
-@pytest.mark.parametrize("command", [("run", "unicycles", "--view"), ("view", "no-such-run")])
-def test_a_port_out_of_range_is_an_error_that_names_the_option_and_leaves_no_folder(
-    phalanx, command
-):
-    refused = phalanx(*command, "--port", "99999")
-    status, output = refused.finish()
-    assert status == 64
-    assert "--port" in output.splitlines()[0]
-    assert "expected 1 to 65535, got 99999" in output.splitlines()[0]
-    assert not refused.parent.exists()
 
 
 def served(port: int) -> bool:

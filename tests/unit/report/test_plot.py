@@ -1,4 +1,4 @@
-"""One look at a run: panels on new axes or on given ones, for a screen or a paper's column."""
+"""One look at a run: panels on new axes or on given ones."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,6 @@ import matplotlib.pyplot as plt
 import pytest
 
 import phalanx
-from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.plot import PANELS
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
 
@@ -59,31 +58,10 @@ def test_a_swarm_in_space_is_seen_from_above(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_for_a_paper_it_is_a_column_wide_and_settings_stay_as_they_were(run: phalanx.Run):
-    size = plt.rcParams["font.size"]
-    axes = run.plot("h", "inputs", style="paper")
-    assert axes["h"].figure.get_figwidth() == 3.45
-    assert axes["h"].yaxis.label.get_fontsize() == 7.0
-    assert plt.rcParams["font.size"] == size
-
-
-@pytest.mark.nightly
-def test_a_report_for_a_paper_has_vectors_too(run: phalanx.Run, capsys):
-    assert status(["report", str(run.folder), "--style", "paper"]) == 0
-    figures = run.folder / "figures"
-    assert {f.stem for f in figures.glob("*.pdf")} == {f.stem for f in figures.glob("*.png")}
-    box = re.search(rb"MediaBox \[ 0 0 ([\d.]+)", (figures / "h_tot.pdf").read_bytes())
-    assert float(box[1]) == pytest.approx(72 * 3.45)
-    assert status(["report", str(run.folder), "--style", "poster"]) == USAGE_ERROR
-
-
-@pytest.mark.slow
 def test_what_cannot_be_drawn_is_refused_in_a_line(run: phalanx.Run, tmp_path: Path):
     for call, message in (
         (lambda: run.plot("speed"), "panel: expected paths, h, inputs, certified, got 'speed'"),
         (lambda: run.plot("h", axes={}), "axes: expected some for each panel, got none for 'h'"),
-        (lambda: run.plot(style="poster"), "style: expected 'screen' or 'paper', got 'poster'"),
-        (lambda: run.report(style="poster"), "style: expected 'screen' or 'paper', got 'poster'"),
     ):
         with pytest.raises(ValueError, match=re.escape(message)):
             call()
