@@ -31,7 +31,6 @@ from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
 from phalanx.theory.laws.give_way import GiveWay
 from phalanx.theory.laws.goals import (
     FixedPoint,
-    Follow,
     Goal,
     Motion,
     PathAtSpeed,
@@ -143,7 +142,6 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "FixedPoint",
     "Waypoints",
     "PathAtSpeed",
-    "Follow",
     # Controllers
     "Controller",
     "ControllerView",

@@ -23,7 +23,7 @@ from phalanx.schema.registry import is_users
 from phalanx.schema.user_code import names_user_code
 from phalanx.theory.expressions.cache import cached, cached_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError
-from phalanx.theory.laws.goals import Follow, Reference
+from phalanx.theory.laws.goals import Reference
 from phalanx.theory.laws.law import Controller, Law
 from phalanx.theory.models.dynamics import Dynamics, require_sound
 
@@ -56,12 +56,6 @@ class GoalField(RootModel[Table]):
     def axes(self) -> int | None:
         """Dimension of the goal's space; None of a user's class, which is asked at x(0)."""
         return None if is_users(self.root) else getattr(self.reference(), "axes", None)
-
-    @property
-    def leader(self) -> str | None:
-        """The name of the agent that the goal follows."""
-        reference = self.reference()
-        return reference.agent if isinstance(reference, Follow) else None
 
     def __repr__(self) -> str:
         return repr(self.root)

@@ -189,7 +189,6 @@ class Scenario(Strict):
             raise field_error(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
-            self._check_leaders(index, names)
             self._check_radio(index, group)
             if group.role == "normal" and group.sensing and self.safety.centralised:
                 message = "expected no value: with safety.control = 'centralised' all is seen"
@@ -301,14 +300,6 @@ class Scenario(Strict):
         if len(given[0] if isinstance(obstacle, Polygon) else given) != axes:
             message = f"expected {axes} coordinates, as the agents' positions have"
             raise field_error(("obstacles", index, field), message, given)
-
-    def _check_leaders(self, index: int, names: list[str]) -> None:
-        group = self.named()[index]
-        for place, goal in enumerate(group.goal):
-            own = group.names[place]
-            if goal.leader and (goal.leader not in names or goal.leader == own):
-                message = f"expected the name of an agent other than {own}"
-                raise field_error(("agents", index, "goal", place, "agent"), message, goal.leader)
 
     @np.errstate(all="ignore")  # of numbers so large that there is no room
     def resolved(self) -> "Scenario":

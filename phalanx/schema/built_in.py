@@ -54,7 +54,6 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "point": "phalanx.theory.laws.goals:FixedPoint",
         "waypoints": "phalanx.theory.laws.goals:Waypoints",
         "path": "phalanx.theory.laws.goals:PathAtSpeed",
-        "follow": "phalanx.theory.laws.goals:Follow",
     },
     Law: {
         "track-velocity": "phalanx.theory.laws.tracking:TrackVelocity",

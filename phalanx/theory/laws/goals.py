@@ -232,39 +232,6 @@ class PathAtSpeed:
 
 
 @dataclass(frozen=True)
-class Follow:
-    """Another agent's position plus an offset.
-
-    The goal has the part of that agent's velocity that its state shows: all of it where inputs act
-    on the acceleration, none where they act on the velocity. While that agent is out of sight, the
-    goal is to stay.
-
-    >>> sight = Sight(0.0, "a", lambda name: Motion(np.ones(2), np.zeros(2)))
-    >>> Follow(agent="b", offset=(0.0, 3.0)).goal(sight).position
-    array([1., 4.])
-    """
-
-    agent: str
-    """The name of the agent to follow."""
-    offset: Point
-    """[m], along the axes of space."""
-
-    @property
-    def axes(self) -> int:
-        return len(self.offset)
-
-    def end(self) -> Array | None:
-        return None
-
-    def goal(self, sight: Sight) -> Goal:
-        leader = sight.motion(self.agent)
-        if leader is None:
-            return hold(sight.position)
-        position = leader.position + np.array(self.offset)
-        return Goal(position, leader.velocity, np.zeros_like(position))
-
-
-@dataclass(frozen=True)
 class Stay:
     """The agent's own position: it stays where it is."""
 

@@ -13,7 +13,7 @@ MISTAKES = {
     "a word": (["x", 1.0], "0.position.0: expected a valid number"),
     "no number": ([float("nan"), 1.0], "0: expected finite numbers"),
     "no type": ({"points": POINTS}, "0: expected a field type, one of point, waypoints, path"),
-    "an unknown type": ({"type": "curve"}, "0: expected one of point, waypoints, path, follow"),
+    "an unknown type": ({"type": "curve"}, "0: expected one of point, waypoints, path"),
     "a path of one point": (
         {"type": "path", "points": POINTS[:1], "speed": 1.0},
         "0.points: expected at least 2 items",
@@ -47,15 +47,6 @@ MISTAKES = {
         {"type": "waypoints", "points": [[1.0, 2.0], [1.0, 2.0, 3.0]], "tolerance": 1.0},
         "0: expected points that are all 2-D or all 3-D",
     ),
-    "an unknown leader": (
-        {"type": "follow", "agent": "x", "offset": [1.0, 0.0]},
-        "0.agent: expected the name of an agent other than east, got 'x'",
-    ),
-    "itself": (
-        {"type": "follow", "agent": "east", "offset": [1.0, 0.0]},
-        "0.agent: expected the name of an agent other than east",
-    ),
-    "no offset": ({"type": "follow", "agent": "west"}, "0.offset: expected a value"),
     "an unknown field": ({"type": "point", "at": [1.0, 2.0]}, "0.at: unknown field (misspelt"),
 }
 

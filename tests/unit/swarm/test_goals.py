@@ -102,14 +102,6 @@ def test_an_agent_arrives_in_every_shipped_dynamics(name):
     assert end == pytest.approx(point, abs=0.1)
 
 
-@pytest.mark.slow
-def test_a_follower_keeps_its_offset():
-    follow = {"type": "follow", "agent": "a0", "offset": [-1.0, 2.0]}
-    start = [[0.0, 0.0], [-4.0, -4.0]]
-    ends = last_positions(scenario_of("single-integrator", start, [[3.0, 0.0], follow]))
-    assert ends[1] - ends[0] == pytest.approx([-1.0, 2.0], abs=0.01)
-
-
 def test_a_restarted_agent_begins_its_waypoints_again():
     swarm = build_swarm(load("crossing"))
     first, nowhere = np.array([-2.25, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])

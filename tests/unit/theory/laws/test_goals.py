@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.laws.goals import (
     FixedPoint,
-    Follow,
     Motion,
     PathAtSpeed,
     Reference,
@@ -69,18 +68,11 @@ def test_waypoints_within_a_tolerance_follow_one_another_in_order():
     assert position(Waypoints(CORNER, tolerance=10.0), own=(0.0, 0.0)) == [3.0, 4.0]
 
 
-def test_a_follower_has_its_leaders_place_and_velocity():
-    goal = Follow("first", (-2.0, 1.0)).goal(sight(own=(9.0, 9.0), first=(5.0, 0.0)))
-    assert goal.position.tolist() == [3.0, 1.0]
-    assert goal.velocity.tolist() == [1.0, 0.0]
-
-
-@pytest.mark.parametrize("reference", [Stay(), Follow("first", (-2.0, 1.0))])
-def test_without_goal_or_leader_in_sight_the_agent_stays(reference):
-    goal = reference.goal(sight(own=(9.0, 8.0)))
+def test_without_goal_the_agent_stays():
+    goal = Stay().goal(sight(own=(9.0, 8.0)))
     assert goal.position.tolist() == [9.0, 8.0]
     assert not goal.velocity.any()
-    assert reference.end() is None
+    assert Stay().end() is None
 
 
 PATH = ((0.0, 0.0), (16.0, 12.0), (24.0, -12.0), (40.0, 0.0))
