@@ -23,7 +23,6 @@ NOT_URGENT = tuple(
 )
 """Messages of programs other than the plant, in any run."""
 
-_READ_BY_ALL = ("status", "frame", "verdict")
 _COPY = "copy"
 COPIES = f"phalanx/*/{_COPY}/**"
 """Copies of messages for viewers, in any run."""
@@ -102,11 +101,6 @@ class Keys:
     def of(self, name: str) -> str:
         """All that one program puts."""
         return f"{self._key('*', name)}/**"
-
-    def for_viewers(self, kind: str) -> str:
-        """Messages of one kind, for viewers."""
-        every = f"phalanx/{self.run}/{kind}/**"
-        return every if kind in _READ_BY_ALL else self.copy(every)
 
     def copy(self, key: str) -> str:
         """The key of the copies, for viewers, of what is put on a key."""

@@ -69,10 +69,6 @@ def study(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; by default one for each processor.")
     ] = None,
-    row: Annotated[int | None, typer.Option(min=0, help="After `open`: a row's index.")] = None,
-    record: Annotated[
-        bool, typer.Option("--record", help="With --row: run it again, with a recording in runs/.")
-    ] = False,
 ) -> int:
     """Run a scenario many times: every seed at every point of a grid, a table row for each run.
 
@@ -85,12 +81,11 @@ def study(
       phalanx study unicycles --seeds 0:20 --draw "safety.eta=uniform(0,10)" --draws 50
       phalanx study studies/unicycles/study.toml --out studies/unicycles
       phalanx study open studies/unicycles
-      phalanx study open studies/unicycles --row 731 --record
     """
     if scenario == _OPEN:
-        return _open(folder, row, record)
-    if folder is not None or row is not None or record:
-        raise typer.BadParameter("FOLDER, --row and --record: expected after `phalanx study open`")
+        return _open(folder)
+    if folder is not None:
+        raise typer.BadParameter("FOLDER: expected after `phalanx study open`")
     from phalanx.studies.study import study as run_study
 
     plan = _plan(scenario, seeds, vary, draw, draws, overrides)
@@ -139,24 +134,13 @@ def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]
     return fields
 
 
-def _open(folder: Path | None, row: int | None, record: bool) -> int:
+def _open(folder: Path | None) -> int:
     from phalanx.studies.study import open_study
 
     if folder is None:
         raise typer.BadParameter("open: expected the folder of a study")
     with _refusals():
-        opened = open_study(folder)
-        opened.frame  # noqa: B018 - read here
-    if row is None:
-        return _print_rates(opened)
-    try:
-        echo(opened.command(row))
-    except ValueError as error:
-        raise typer.BadParameter(f"--row: {error}") from error
-    if record:
-        run = opened.run(row, out=Path("runs"))
-        echo(f"{run.verdict} ({run.folder})")
-    return 0
+        return _print_rates(open_study(folder))
 
 
 @contextmanager

@@ -142,7 +142,7 @@ def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):
         (("unicycle",), "did you mean 'unicycles'?"),
         (("open",), "expected the folder of a study"),
         (("study.toml", "--seeds", "0:1000"), "study.toml has the whole plan: expected no seeds"),
-        (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
+        (("unicycles", "here"), "expected after `phalanx study open`"),
         (("open", "nowhere"), "study.toml: cannot be read"),
     ],
 )
