@@ -126,11 +126,9 @@ class _Sender:
             True: pubsub.Addressed(session),
             False: pubsub.Addressed(session, pubsub.Delivery.NOTICE),
         }
-        # Declared first: when the others have matched, so has this one if it has subscribers.
-        self._copies = pubsub.ViewerCopies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
         self._actuation, self._telemetry = (
-            pubsub.SealedPublisher(session, sealer, key, copies=self._copies)
+            pubsub.SealedPublisher(session, sealer, key)
             for key in (keys.actuation(step.name), keys.telemetry(step.name))
         )
         self._broadcast_key = cache(lambda l: keys.broadcast(step.name, step.swarm.names[l]))
@@ -140,9 +138,7 @@ class _Sender:
         broadcasts = self._broadcasts[answer.waits]
         for hearer, broadcast in answer.broadcasts.items():
             key = self._broadcast_key(hearer)
-            payload = self._sealer.seal(key, broadcast)
-            broadcasts.put(key, payload)
-            self._copies.put(key, payload)
+            broadcasts.put(key, self._sealer.seal(key, broadcast))
         self._telemetry.put(answer.telemetry)
 
     def report_failure(self, error: StepFailedError) -> None:
@@ -157,4 +153,3 @@ class _Sender:
         """Wait until the plant has subscribed: messages put earlier are lost. Raises HubError."""
         self._actuation.wait_until_heard(timeout, over)
         self._telemetry.wait_until_heard(timeout, over)
-        self._copies.look_for_readers()

@@ -84,7 +84,6 @@ _Rule = tuple[str, tuple[str, ...], tuple[str, ...]]
 def _agent(keys: Keys, names: tuple[str, ...], heard: Container[str]) -> list[_Rule]:
     to_hub = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
     to_hub += [keys.broadcast(name, "*") for name in names if name in heard]
-    to_hub += [keys.copy(key) for key in to_hub]
     readable = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
     return [
         ("ingress", ("put",), tuple(to_hub)),

@@ -1,7 +1,6 @@
 """Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth.
 
-A broadcast's key continues with its receiver's name, a token's with the digest of its scenario. A
-copy's key continues, in place of a name, with the kind and name of the original.
+A broadcast's key continues with its receiver's name, a token's with the digest of its scenario.
 """
 
 from dataclasses import dataclass
@@ -22,10 +21,6 @@ NOT_URGENT = tuple(
     f"phalanx/*/{kind}/**" for kind in ("actuation", "broadcast", "telemetry", "command")
 )
 """Messages of programs other than the plant, in any run."""
-
-_COPY = "copy"
-COPIES = f"phalanx/*/{_COPY}/**"
-"""Copies of messages for viewers, in any run."""
 
 
 @dataclass(frozen=True)
@@ -85,35 +80,17 @@ class Keys:
     @property
     def from_plant(self) -> tuple[str, ...]:
         """All that the plant puts."""
-        sample = self.sample("*")
-        return sample, self.copy(sample), self.status, self.frames, self.verdict
+        return self.sample("*"), self.status, self.frames, self.verdict
 
     @property
     def to_viewers(self) -> tuple[str, ...]:
         """All that viewers may subscribe to: the hub drops what they do not read in time."""
-        return self.copies, self.status, self.frames, self.verdict
+        return self.status, self.frames, self.verdict
 
     @property
     def to_plant(self) -> tuple[str, ...]:
         """All that the plant subscribes to."""
         return self.actuation("*"), self.telemetry("*"), self.command
-
-    def of(self, name: str) -> str:
-        """All that one program puts."""
-        return f"{self._key('*', name)}/**"
-
-    def copy(self, key: str) -> str:
-        """The key of the copies, for viewers, of what is put on a key."""
-        return self._key(_COPY, key.removeprefix(f"phalanx/{self.run}/"))
-
-    def original(self, copy: str) -> str:
-        """The inverse of copy; any other key stays as it is."""
-        return copy.replace(self.copy(""), f"phalanx/{self.run}/", 1)
-
-    @property
-    def copies(self) -> str:
-        """Every copy."""
-        return self.copy(self.everything)
 
     @property
     def everything(self) -> str:

@@ -4,11 +4,9 @@ import threading
 import time
 from collections.abc import Callable
 from enum import Enum
-from functools import cache
 
 import zenoh
 
-from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import Message
 from phalanx.messages.seal import Sealer
 from phalanx.wire.session import HubError
@@ -78,19 +76,14 @@ class SealedPublisher:
         sealer: Sealer,
         key: str,
         delivery: Delivery = Delivery.ALL,
-        copies: "ViewerCopies | None" = None,
     ) -> None:
-        """copies: puts a copy of each message for viewers."""
         # zenoh.Publisher.key_expr makes a new object at each access.
-        self._key, self._sealer, self._copies = key, sealer, copies
+        self._key, self._sealer = key, sealer
         self._publisher = publisher(session, key, delivery)
 
     def put(self, message: Message) -> None:
         """Put a message."""
-        payload = self._sealer.seal(self._key, message)
-        self._publisher.put(payload)
-        if self._copies:
-            self._copies.put(self._key, payload)
+        self._publisher.put(self._sealer.seal(self._key, message))
 
     @property
     def heard(self) -> bool:
@@ -141,35 +134,6 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
         deliver(str(sample.key_expr), sample.payload.to_bytes())
 
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
-
-
-class ViewerCopies:
-    """Copies for viewers of one program's messages, put while there is a viewer.
-
-    Samples, actuations, broadcasts and telemetry are never dropped, so a receiver that stops
-    reading blocks their senders. Viewers get copies, which a full queue drops.
-    """
-
-    def __init__(self, session: zenoh.Session, keys: Keys, every: str) -> None:
-        """every: a key expression that includes the keys of all messages to copy."""
-        self._copy = cache(keys.copy)
-        self._addressed = Addressed(session, Delivery.VIEW)
-        self._readers = publisher(session, keys.copy(every), Delivery.VIEW)
-        self._has_viewer = False
-        on_match = zenoh.handlers.Callback(self._on_match, indirect=False)
-        self._readers.declare_matching_listener(on_match)
-
-    def look_for_readers(self) -> None:
-        """Check for viewers that came earlier: Zenoh does not report those."""
-        self._has_viewer = has_listener(self._readers)
-
-    def put(self, key: str, payload: bytes) -> None:
-        """Put a copy of a message, if there is a viewer."""
-        if self._has_viewer:
-            self._addressed.put(self._copy(key), payload)
-
-    def _on_match(self, status: zenoh.MatchingStatus) -> None:
-        self._has_viewer = status.matching
 
 
 def answer(session: zenoh.Session, key: str, payload: bytes) -> None:

@@ -12,7 +12,7 @@ import msgspec
 import zenoh
 
 from phalanx.messages.credentials import Admission, Credentials, tls
-from phalanx.messages.keys import COPIES, NOT_URGENT
+from phalanx.messages.keys import NOT_URGENT
 from phalanx.messages.kinds import MAX_BYTES
 from phalanx.wire.liveliness import is_announced
 from phalanx.wire.zenoh_sessions import disable_linger
@@ -88,15 +88,14 @@ def _hub_config(endpoint: str, other_hubs: Sequence[str]) -> dict[str, Any]:
     }
     # Samples have priority over all else: an agent's flood must not delay them.
     not_urgent = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
-    # A viewer that does not read must not block senders. Nor may its messages fill the queue of the
-    # lowest priority, through which the hub closes its sessions: it would never end.
+    # Queries of viewers must not fill the queue of the lowest priority, through which the hub
+    # closes its sessions: it would never end.
     dropped = {"congestion_control": "drop", "priority": "data_low"}
-    viewers = {"flows": ["ingress"], "overwrite": dropped}
+    asked = {"flows": ["ingress"], "messages": ["query"], "overwrite": dropped}
     config["qos"] = {
         "network": [
             {**not_urgent, "key_exprs": list(NOT_URGENT)},
-            {**viewers, "messages": ["put"], "key_exprs": [COPIES]},
-            {**viewers, "messages": ["query"], "key_exprs": ["**"]},
+            {**asked, "key_exprs": ["**"]},
         ]
     }
     return config

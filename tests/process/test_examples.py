@@ -25,7 +25,7 @@ SAYS = {
     "verify.py": "bit-identical",
 }
 """What each prints at least."""
-WITH_A_TEST_OF_ITS_OWN = {"follow_broadcasts.py", "study_on_slurm.py"}
+WITH_A_TEST_OF_ITS_OWN = {"follow_run.py", "study_on_slurm.py"}
 
 
 def test_there_is_a_test_for_every_example():

@@ -107,7 +107,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 920,
+    "agent": 910,
     "attacks": 1810,
     "cli": 1510,
     "faults": 1030,
@@ -115,7 +115,7 @@ BUDGET: Mapping[str, int] = {
     "hosts": 340,
     "knowledge": 1260,
     "launcher": 2290,
-    "messages": 920,
+    "messages": 880,
     "network": 1290,
     "plant": 5020,
     "recording": 1970,
@@ -127,7 +127,7 @@ BUDGET: Mapping[str, int] = {
     "swarm": 1610,
     "theory": 9500,
     "viewer": 4990,
-    "wire": 640,
+    "wire": 600,
 }
 EXTENSIONS = {
     "phalanx.recording.curves",

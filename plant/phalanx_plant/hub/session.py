@@ -13,7 +13,7 @@ from phalanx.messages.seal import Malformed, Refusals
 from phalanx.scenario.model import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.pubsub import Delivery, SealedPublisher, ViewerCopies
+from phalanx.wire.pubsub import Delivery, SealedPublisher
 from phalanx.wire.session import Session, open_hub, open_member
 
 _MOST = 256
@@ -32,9 +32,8 @@ class PlantSession:
         sealer = self._sealer = membership.sealer
         self._scenario = swarm.scenario
         session = self._session = _open(swarm, membership, at_router)
-        copies = ViewerCopies(session, keys, keys.sample("*"))
         self.samples = [
-            SealedPublisher(session, sealer, keys.sample(name), Delivery.URGENT, copies)
+            SealedPublisher(session, sealer, keys.sample(name), Delivery.URGENT)
             for name in swarm.names
         ]
         """For each agent."""

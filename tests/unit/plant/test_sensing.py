@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from phalanx_plant.sampling.sensing import Sensing, Visibility
 
+from phalanx.launcher.simulation import Simulation
+from phalanx.messages.kinds import Sample
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import swarm_of_scenario
@@ -98,3 +102,34 @@ def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(visib
 def test_what_cannot_be_the_states_of_those_seen_is_refused(seen, size):
     with pytest.raises(ValueError, match="expected"):
         StateCodec(swarm_of_scenario("unicycles")).unpack(bytes(size), seen)
+
+
+@pytest.mark.slow
+def test_what_an_agent_is_sent_does_not_depend_on_who_is_out_of_its_sight():
+    few, many = (sent_to_the_formation(far_away) for far_away in (1, 6))
+    common = few.keys() & many.keys()
+    assert len(common) > 50
+    assert {which: few[which] for which in common} == {which: many[which] for which in common}
+
+
+def sent_to_the_formation(far_away: int) -> dict[tuple[int, int], object]:
+    """Return all samples of agents 1, 2 and 3, by agent and number, with adversaries at 500 m.
+
+    Of states their length alone: the events of all agents divide the integration's steps, so that
+    last digits differ.
+    """
+    names = [str(4 + n) for n in range(far_away)]
+    starts = [[-500.0, 9.0 * n, 0.0] for n in range(far_away)]
+    of_others = {"agents.1.names": names, "agents.1.slots": [], "agents.1.start": starts}
+    table = {"duration": 0.3, "safety.neighbourhood": 9.0, **of_others}
+    run, sent = Simulation(build_rows(build_swarm(load("unicycles", table)))), {}
+    answer = run.agents.send_sample
+
+    def send_sample(i: int, sample: Sample) -> None:
+        if i < 3:
+            sent[i, sample.k] = replace(sample, x=bytes(len(sample.x)))
+        answer(i, sample)
+
+    run.agents.send_sample = send_sample
+    run.run()
+    return sent

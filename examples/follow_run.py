@@ -1,7 +1,7 @@
-"""Follow a live run and print every broadcast, with nothing but zenoh, msgpack and docs/wire.md.
+"""Follow a live run and print its frames, with nothing but zenoh, msgpack and docs/wire.md.
 
 export PHALANX_SECRET=s
-python examples/follow_broadcasts.py tcp/127.0.0.1:7447 unicycles-1 &
+python examples/follow_run.py tcp/127.0.0.1:7447 unicycles-1 &
 phalanx run unicycles --listen tcp/127.0.0.1:7447
 """
 
@@ -23,9 +23,9 @@ def key_of(name: str, secret: str) -> bytes:
 
 
 def opened(key: str, payload: bytes, secret: str) -> list | None:
-    """Return the fields of a broadcast, or None if its seal is not valid for the key."""
-    content, own = key.encode() + payload[16:], key_of(">".join(key.split("/")[3:]), secret)
-    made = payload[:16] == hashlib.blake2b(content, key=own, digest_size=16).digest()
+    """Return the fields of a frame, or None if its seal is not valid for the key."""
+    content, common = key.encode() + payload[16:], key_of("", secret)
+    made = payload[:16] == hashlib.blake2b(content, key=common, digest_size=16).digest()
     fields = msgpack.unpackb(payload[16:]) if made else [None]
     return fields if fields[0] == VERSION else None
 
@@ -41,17 +41,15 @@ def main() -> None:
     arrived: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
     handler = zenoh.handlers.Callback(arrived.put, indirect=False)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
-        session.declare_subscriber(f"phalanx/{run}/copy/broadcast/*/*", handler)
+        session.declare_subscriber(frames := f"phalanx/{run}/frame/plant", handler)
         plant = f"phalanx/{run}/alive/plant/*"
         session.liveliness().declare_subscriber(plant, handler, history=True)
         while (sample := arrived.get()).kind == zenoh.SampleKind.PUT:
-            key = str(sample.key_expr).replace("/copy/", "/", 1)
-            _, _, kind, agent, peer = key.split("/")
-            if kind == "alive":
+            if str(sample.key_expr) != frames:
                 print(f"following run {run}", flush=True)
-            elif fields := opened(key, sample.payload.to_bytes(), secret):
-                _, k, t_apply, u, *_ = fields
-                print(f"agent {agent} to {peer}  k {k}  from {t_apply:.4f} s  u {u}")
+            elif fields := opened(frames, sample.payload.to_bytes(), secret):
+                _, t, _, h_tot, h, *_ = fields
+                print(f"t {t:.4f} s  h_tot {h_tot:.4f}  largest h {h:.4f}")
     print("the run is over")
 
 
