@@ -73,10 +73,7 @@ class Entered(NamedTuple):
 
 
 class Order:
-    """A plugin of pytest: only files of tests that call a changed function, the fastest such first.
-
-    Tests of one file share what they set up. All files, if no test calls it.
-    """
+    """A plugin of pytest: tests that call a changed function first, the fastest of them first."""
 
     def __init__(self, seconds: dict[str, float]) -> None:
         self._seconds = seconds
@@ -85,8 +82,6 @@ class Order:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        files = {test.partition("::")[0] for test in self._seconds}
-        items[:] = [i for i in items if not files or i.nodeid.partition("::")[0] in files]
         items.sort(key=lambda item: self._seconds.get(item.nodeid, float("inf")))
 
 
@@ -178,7 +173,6 @@ class Room:
         self._clean = folder / "clean"
         _copy_sources(self._clean)
         self._entered: dict[str, dict[str, Entered]] = {}
-        self._seconds: dict[str, float] = {}
 
     def run_clean(self) -> None:
         """Run the tests of all mutants without one. Raises RuntimeError if they fail."""
@@ -191,7 +185,6 @@ class Room:
                 status = run.end()
             if status:
                 raise RuntimeError(f"without a mutant: {tests}\n{run.log.read_text()[-3000:]}")
-            self._seconds[tests] = run.seconds
             self._entered[tests] = {
                 test: Entered(*entered) for test, entered in json.loads(calls.read_text()).items()
             }
@@ -201,34 +194,46 @@ class Room:
         free = [self._folder / f"worker-{i}" for i in range(workers)]
         for copy in free:
             shutil.copytree(self._clean, copy)
-        running: dict[Path, tuple[Mutant, Run]] = {}
+        running: dict[Path, tuple[Mutant, Run, float]] = {}
         waiting = self._mutants[::-1]
         try:
             while waiting or running:
                 while waiting and free:
                     mutant, copy = waiting.pop(), free.pop()
                     (copy / mutant.file).write_text(mutant.text, "utf-8")
-                    running[copy] = mutant, Run(copy, mutant.tests, Order, self._first(mutant))
-                wait([run.process.sentinel for _, run in running.values()], timeout=1.0)
-                for copy, (mutant, run) in list(running.items()):
-                    late = run.seconds > 3.0 * self._seconds[mutant.tests] + 10.0
-                    if late or run.process.exitcode is not None:
+                    tests, first, limit = self._nearest(mutant)
+                    running[copy] = mutant, Run(copy, tests, Order, first), limit
+                wait([run.process.sentinel for _, run, _ in running.values()], timeout=1.0)
+                for copy, (mutant, run, limit) in list(running.items()):
+                    if run.seconds > limit or run.process.exitcode is not None:
                         yield mutant, _OUTCOMES.get(run.end(), KILLED)
                         shutil.copy2(self._clean / mutant.file, copy / mutant.file)
                         del running[copy]
                         free.append(copy)
         finally:
-            for _, run in running.values():
+            for _, run, _ in running.values():
                 run.end()
 
-    def _first(self, mutant: Mutant) -> dict[str, float]:
-        """Return the seconds of those tests that call the function that a mutant changes."""
-        return {
-            test: entered.seconds
-            for test, entered in self._entered[mutant.tests].items()
-            for file, first, last in entered.functions
+    def _nearest(self, mutant: Mutant) -> tuple[str, dict[str, float], float]:
+        """Return the files of the tests that call what a mutant changes, or all if none does.
+
+        With the seconds of those tests, and a limit in seconds: tests of a file share what they
+        set up, so that all are run.
+        """
+        entered = self._entered[mutant.tests]
+        calling = {
+            test: seconds
+            for test, (seconds, functions) in entered.items()
+            for file, first, last in functions
             if file == mutant.file and first <= mutant.lines.number <= last
         }
+        files = {_file(test) for test in calling or entered}
+        limit = 20.0 + 3.0 * sum(e.seconds for test, e in entered.items() if _file(test) in files)
+        return " ".join(sorted(files)), calling, limit
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
 
 
 def _copy_sources(folder: Path) -> None:
