@@ -1,16 +1,19 @@
 """The rules by which the hub passes messages on."""
 
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 import pytest
 import zenoh
 
-from phalanx.messages.admission import Subject, access_control
+from phalanx.messages.admission import access_control, admission
 from phalanx.messages.credentials import Admission, Credentials
 from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.messages.membership import Membership
 from phalanx.wire.session import free_endpoint, open_client, open_hub
 from tests.process.runs import wait_for
+from tests.unit.swarms import swarm_of_scenario
 
 NAMES = ("4", "5", "6")
 KEYS = Keys("r")
@@ -84,14 +87,15 @@ def test_a_viewer_gets_nothing_that_is_waited_for():
 
 
 @pytest.mark.parametrize(
-    ("subject", "commanding"),
-    [("usernames", {VIEWER, OPERATOR, ROUTER}), ("cert_common_names", {OPERATOR, ROUTER})],
+    ("identity", "commanding"),
+    [(None, {VIEWER, OPERATOR, ROUTER}), (Path("keys"), {OPERATOR, ROUTER})],
 )
 def test_a_viewer_may_command_where_no_certificate_tells_it_from_an_operator(
-    subject: Subject, commanding: set[str]
+    identity: Path | None, commanding: set[str]
 ) -> None:
-    rules = access_control(KEYS, {name: (name,) for name in NAMES}, NAMES, subject)
-    assert {name for name in (*NAMES, *commanding, VIEWER) if
+    swarm = swarm_of_scenario("unicycles")
+    rules = admission(swarm, Membership("r", "", identity_folder=identity)).access_control
+    assert {name for name in (*swarm.names, *commanding, VIEWER) if
             may(rules, name, "ingress", "put", KEYS.command)} == commanding  # fmt: skip
 
 

@@ -1,11 +1,15 @@
 """The keys of each program of a run, and those that it cannot derive."""
 
+import math
 import pickle
 
+import msgspec
 import pytest
 
+from phalanx.messages.credentials import Admission, Credentials
+from phalanx.messages.frames import worse
 from phalanx.messages.keys import PLANT, SHARED, VIEWER, Keys, kind_and_name, owner
-from phalanx.messages.kinds import Actuation, Broadcast, Status
+from phalanx.messages.kinds import VERSION, Actuation, Broadcast, Status
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed
 
@@ -20,6 +24,7 @@ def test_a_program_gets_its_own_keys_and_nothing_from_which_others_could_be_made
     assert agent.key_of("4") == ROOT.key_of("4")
     assert agent.key_of(SHARED) == ROOT.key_of(SHARED)
     assert b"hidden" not in pickle.dumps(agent)
+    assert "hidden" not in repr((ROOT, Admission({"4": "hidden"}, {}), Credentials("4", "hidden")))
     assert agent.key_of("4>5") == ROOT.key_of("4>5")
     assert agent.key_of("5>4") == ROOT.key_of("5>4")
     for other in ("5", "5>6", "6>5"):
@@ -58,9 +63,16 @@ def test_both_ends_of_a_link_can_read_a_broadcast_and_no_other_can_make_it():
 
 
 def test_all_of_a_run_can_read_what_the_plant_says_to_all():
-    said = Status(t=1.0)
-    payload = ROOT.sealer.seal(KEYS.status, said)
-    assert ROOT.of("5").sealer.open(KEYS.status, payload, Status) == said
+    for said in (Status(t=1.0), Status(t=math.nan)):
+        payload = ROOT.sealer.seal(KEYS.status, said)
+        assert repr(ROOT.of("5").sealer.open(KEYS.status, payload, Status)) == repr(said)
+    assert {*msgspec.structs.astuple(Status())} == {VERSION, 0, None, ()}
+    assert KEYS.for_viewers("status") == "phalanx/r/status/**"
+
+
+@pytest.mark.parametrize(("a", "b", "of_both"), [(1.0, 2.0, 2.0), (2.0, -1.0, -1.0)])
+def test_a_loss_is_worse_than_any_delay(a: float, b: float, of_both: float) -> None:
+    assert worse(a, b) == worse(b, a) == of_both
 
 
 @pytest.mark.parametrize("seal_under_other_secret", [b"", b"Secret", b"another"])
