@@ -125,8 +125,8 @@ def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> 
         if isinstance(obstacle, Sphere):
             reach = obstacle.clearance
             axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
-        looks = {"fontsize": style.SMALL, "color": style.LIMIT}
-        axes.annotate(str(k), center, ha="center", va="center", **looks)
+        text = axes.annotate(str(k), center, ha="center", va="center", color=style.LIMIT)
+        text.set_fontsize(style.SMALL)
     for line in outlines(scenario.static):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:

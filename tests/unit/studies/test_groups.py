@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from phalanx.studies.page.figures import Point, front, one_of_each_seed, short
 from phalanx.studies.page.groups import MOST_GROUPS, by_axis, group, labels
 from phalanx.studies.row import counted
-from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson
+from phalanx.studies.statistics import betting, clopper_pearson
 from tests.unit.studies.frames import frame
 
 
@@ -58,10 +58,9 @@ def test_of_many_texts_the_rarer_ones_are_one_group():
 
 def test_a_rate_counts_runs_of_their_own_seeds_and_seeds_that_are_common():
     alone = frame([{"seed": i, "outcome": "violated" if i < 3 else "safe"} for i in range(9)])
-    assert group("", alone, False).rates["violated"] == (1 / 3, clopper_pearson(3, 9), 9)
-    assert group("", alone, True).rates["violated"] == (1 / 3, beta_mixture(3, 9), 9)
+    assert group("", alone).rates["violated"] == (1 / 3, clopper_pearson(3, 9), 9)
     both = pl.concat([alone, alone.with_columns(outcome=pl.lit("safe"))])
-    rate = group("", both, False).rates["violated"]
+    rate = group("", both).rates["violated"]
     assert rate == (pytest.approx(1 / 6), betting([0.5] * 3 + [0.0] * 6), 18)
 
 
@@ -72,7 +71,7 @@ def test_neither_searched_nor_refused_rows_are_counted():
 
 def test_groups_hold_all_runs_of_their_value():
     runs = frame([{"loss": 0.1 * (i % 3), "seed": i} for i in range(30)])
-    groups = by_axis(runs, "loss", False)
+    groups = by_axis(runs, "loss")
     assert [each.label for each in groups] == ["0", "0.1", "0.2"]
     assert [each.rows["index"].to_list() for each in groups] == [
         list(range(start, 30, 3)) for start in range(3)
