@@ -1,5 +1,6 @@
 """Conditions of agents: the commands that change them, and the agents concerned."""
 
+from math import nan
 from typing import get_args
 
 import pytest
@@ -12,6 +13,7 @@ from phalanx.faults.commands import (
     CommandKind,
     Condition,
     FaultState,
+    refusal,
     turns,
 )
 from phalanx.faults.process import ProcessFault
@@ -66,6 +68,12 @@ def test_a_command_leads_on_from_the_conditions_that_it_fits(kinds, condition):
 )
 def test_in_any_other_condition_a_command_has_no_effect(kinds, condition):
     assert after(*kinds) == (condition, False)
+
+
+@pytest.mark.parametrize(("kind", "most"), [(CommandKind.LOSS, 1.0), (CommandKind.DELAY, 1e6)])
+def test_a_command_has_no_more_than_the_largest_value(kind, most):
+    values = {-0.1: True, 0.0: False, most / 2: False, most: False, 1.1 * most: True, nan: True}
+    assert {v: bool(refusal(Command(0.0, kind, value=v), ())) for v in values} == values
 
 
 def test_only_the_frozen_and_the_dead_are_silent():

@@ -34,6 +34,8 @@ def test_a_longer_run_begins_with_the_same_occurrences():
     short, longer = (list(random_times(3.0, NAMES, duration, draws)) for duration in (4.0, 9.0))
     assert 0 < len(short) < len(longer)
     assert longer[: len(short)] == short
+    always = random_times(1e3, NAMES, 0.0025, draws)
+    assert [t for t, _ in always] == [0.0, 0.001, 0.002]
 
 
 def test_at_a_given_time_it_hits_every_agent_once_for_its_duration():

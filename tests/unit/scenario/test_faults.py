@@ -78,6 +78,9 @@ agents = ["1"]
 """
 
 
+WITHIN_ROBOTS = (("1", "1", "sample"), ("2", "2", "sample"), ("1", "1", "actuation"))
+
+
 def with_tables(text: str) -> dict[str, object]:
     return {**tomllib.loads(text)}
 
@@ -100,13 +103,14 @@ def test_faults_act_on_the_links_that_they_concern_in_their_order():
     links = load("unicycles", with_tables(ALL)).links()
     faults = {
         link: [s.field for s in links.model(*link).stages if s.field.startswith("faults")]
-        for link in (("1", "2"), ("1", "3"), ("3", "1"), ("2", "1"))
+        for link in (("1", "2"), ("1", "3"), ("3", "1"), ("2", "1"), *WITHIN_ROBOTS)
     }
     assert faults == {
         ("1", "2"): ["faults.2"],
         ("2", "1"): ["faults.2"],
         ("1", "3"): ["faults.0", "faults.2", "faults.1"],
         ("3", "1"): ["faults.0", "faults.2"],
+        **dict(zip(WITHIN_ROBOTS, [["faults.6"], [], []], strict=True)),
     }
     stages = links.model("2", "3").stages
     assert stages[-1].field == "faults.1"
@@ -218,6 +222,10 @@ BROKEN = {
     "a fault without end": (
         {"faults": [{"kind": "hold"}]},
         ["faults.0.for: expected a value, got nothing"],
+    ),
+    "samples held back": (
+        {"faults": [{"kind": "hold", "for": 1.0, "of": "sample"}]},
+        ["faults.0.of: expected broadcast or actuation"],
     ),
     "an unknown agent in a group": (
         partition(groups=[["9"]]),

@@ -115,8 +115,10 @@ WRONG = [
 
 @pytest.mark.parametrize(("kind", "method", "arguments", "expected"), WRONG)
 def test_what_it_may_not_return_is_named(kind, method, arguments, expected):
-    said = mistake(getattr(instance(kind, None), method), *arguments)
-    assert said.startswith(f"Failing.{method}: expected {expected}, got None (")
+    listed = "['soon']" if kind in (Rule, Dynamics) else "a list that is no expression"
+    for wrong, got in ((None, "None"), (["soon"], listed)):
+        said = mistake(getattr(instance(kind, wrong), method), *arguments)
+        assert said.startswith(f"Failing.{method}: expected {expected}, got {got} (")
 
 
 def test_an_expression_depends_on_no_earlier_call():
