@@ -277,6 +277,39 @@ def test_a_peer_whose_states_contradict_each_other_is_convicted_and_none_that_on
     assert trust.betrayals["2"] >= 0.5
 
 
+NOISE = {"kind": "sensor", "at": 0.0, "for": 9.0, "noise": {"x": 0.01, "vx": 0.02}}
+HONEST = {
+    "pushed, in drag": {
+        "agents.0.disturbance": {"bound": 0.2, "kind": "adverse"},
+        "agents.0.dynamics.drag": 0.5,
+    },
+    "restarted, paused, late": {
+        "agents.0.disturbance": {"bound": 0.1},
+        "faults": [
+            {"kind": "restart", "at": 0.5, "for": 0.3, "agents": ["2"]},
+            {"kind": "pause", "at": 1.2, "for": 0.3, "agents": ["1"]},
+            {"kind": "clock", "drift": 2.0, "at": 0.2, "for": 1.0, "agents": ["2"]},
+        ],
+    },
+    "measured with errors": {
+        "agents.0.radio": {"every": 3, "position_error": 0.05, "speed_error": 0.1},
+        "faults": [NOISE],
+    },
+    "turned": {"faults": [{"kind": "turn", "at": 0.5, "agents": ["2"]}]},
+    "delivered late, twice, in another order": {
+        "network.delay": {"time": 0.3, "jitter": 0.3},
+        "network.duplicate": 0.5,
+    },
+}
+
+
+@pytest.mark.parametrize("case", HONEST)
+def test_no_peer_that_states_what_is_true_is_convicted(case):
+    changes = {**TWO, "duration": 2.0, "agents.0.radio.every": 3, **HONEST[case]}
+    trust = phalanx.run(phalanx.load("radio", changes), engine="in-process").summary.trust
+    assert trust.convictions == []
+
+
 TWO = {
     "agents.0.count": 2,
     "agents.0.start": [[6.0, 0.2, 0.0, 0.0], [-6.0, 0.0, 0.0, 0.0]],
