@@ -63,9 +63,9 @@ MAKERS = (
         ("faults/lie-input",),
     ),
     Maker(
-        "evidence/network/moving_picture.py", "swarm.webp",
+        "evidence/network/moving_picture.py", "radio.webp",
         ("evidence/network/moving_picture.py", "phalanx/report/animate.py", REPORT[0], LOOKS),
-        ("swarm2d",),
+        ("radio", "radio-extrapolate"),
     ),
     Maker(
         "evidence/controllers/picture.py docs/images/controllers.png", "controllers.png",

@@ -30,7 +30,7 @@ def test_an_identity_signs_no_other_and_has_hosts_if_it_is_a_hubs(tmp_path: Path
         certificate = x509.load_pem_x509_certificate((tmp_path / file).read_bytes())
         of = {type(each.value): (each.critical, each.value) for each in certificate.extensions}
         signs, hosts = file.endswith(AUTHORITY), x509.SubjectAlternativeName([x509.DNSName("here")])
-        usage = x509.KeyUsage(not signs, *[False] * 4, signs, *[False] * 3)
+        usage = x509.KeyUsage(not signs, *(False,) * 4, signs, *(False,) * 3)
         constraints = x509.BasicConstraints(signs, 0 if signs else None)
         assert of[x509.KeyUsage] == (True, usage)
         assert of[x509.BasicConstraints] == (True, constraints)
