@@ -2,12 +2,13 @@
 
     python -m evidence.knowledge.sets [PEERS] [RUNS]
 
-Peers are heard up to 1 s ago, some with announced inputs or errors of stamps, and move at random or
-at their bounds with few changes; each is compared with its set, gap and cones, and one own input
-with its largest own part, at 48 instants of a hold. Tubes are compared with the worst disturbance
-that an adjoint finds, brakes with their own part in the worst direction. Runs have 4 agents that
-rush at one another, or cross, and lose half of their broadcasts; each gap that one uses is compared
-with the true one.
+Peers are double integrators, in each other block single ones. They were heard up to 1 s ago, some
+with announced inputs or errors of stamps, and move at random or at their bounds with few changes;
+each is compared with its set, gap and cones, and one own input with its largest own part, at 48
+instants of a hold. Tubes are compared with the worst disturbance that an adjoint finds, brakes with
+their own part in the worst direction. Runs have 4 agents that rush at one another, or cross, and
+lose half of their broadcasts, in each other run single integrators; each gap that one uses is
+compared with the true one.
 """
 
 import argparse
@@ -16,14 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.cones import Own, cones
+from phalanx.knowledge.cones import cones, own_motion
 from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import Motions, PointMotion, stacked
+from phalanx.knowledge.motion import Motion, Motions, PointMotion, stacked
 from phalanx.knowledge.own_parts import OwnPartsInput
 from phalanx.knowledge.sets import Boxes, HeardState, enclosures
-from phalanx.knowledge.spending import HoldPieces
+from phalanx.knowledge.spending import hold_pieces
 from phalanx.theory.arrays import Array
-from tests.unit.knowledge.adverse import draw_motion, gap
+from tests.unit.knowledge.adverse import (
+    box_motion,
+    draw_motion,
+    draw_states,
+    draw_velocity_motion,
+    gap,
+)
 from tests.unit.knowledge.swarms import RADIUS, Member, Radio, cross, keep_right, rush
 from tests.unit.knowledge.test_tracking import draw_gaps, worst_error
 
@@ -70,29 +77,24 @@ def main() -> None:
     print("| claim | compared | wrong | least slack [m, m/s] |\n|---|---|---|---|")
     names = "sets", "gaps by sets", "cones", "own parts over a hold"
     counts = [Count(name) for name in names]
-    for _ in range(-(-options.peers // BLOCK)):
-        try_block(counts, rng)
+    for number in range(-(-options.peers // BLOCK)):
+        try_block(counts, draw_velocity_motion(rng) if number % 2 else draw_motion(rng), rng)
     counts += [try_brakes(options.peers // 20, rng), try_tubes(options.runs * 5, rng)]
     print(*counts, *try_runs(options.runs), sep="\n")
 
 
-def try_block(counts: list[Count], rng: np.random.Generator) -> None:
+def try_block(counts: list[Count], motion: Motion, rng: np.random.Generator) -> None:
     """Compare one own state with many peers."""
-    motion = draw_motion(rng)
     axes, peers = motion.axes, draw_peers(motion, rng)
     low, high = peers.boxes
     counts[0].add(np.minimum(peers.now - low, high - peers.now).min(axis=1))
-    own = np.concatenate([np.zeros(axes), rng.normal(size=axes) * rng.choice([0.0, 0.3, 3.0])])
+    own = draw_states(motion, 1, rng)[0] * rng.choice([0.0, 0.3, 3.0])
+    own[:axes] = 0.0
     claims = peers.boxes.distance(own[:axes]) - peers.motions.stopping(peers.boxes.speed())
     ways = peers.motions.stopping(np.linalg.norm(peers.now[:, axes:], axis=1))
     counts[1].add(np.linalg.norm(peers.now[:, :axes], axis=1) - ways - claims)
-    hold = HoldPieces(motion, 4)
-    around = cones(
-        Own(own[:axes], own[axes:], motion.drag, motion.authority),
-        peers.boxes,
-        peers.motions,
-        hold.times,
-    )
+    hold = hold_pieces(motion, 4)
+    around = cones(own_motion(own, motion), peers.boxes, peers.motions, hold.times)
     u = motion.authority * rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)], axes)
     if rng.random() < 0.2:
         u = motion.brake(own[axes:])
@@ -104,8 +106,8 @@ def try_block(counts: list[Count], rng: np.random.Generator) -> None:
     for instant in range(INSTANTS):
         # In the middle of each part: where a brake ends at rest, L has no derivative.
         time = step * (0.5 if instant == 0 else 1.0)
-        there = moved(there, inputs[instant], held(peers.motions.drag, np.full((BLOCK, 1), time)))
-        here = moved(here, u, held(np.array([motion.drag]), np.array([time])))
+        there = moved(there, inputs[instant], peers.motions.held(np.full((BLOCK, 1), time)))
+        here = moved(here, u, motion.held(np.array([time])))
         n = here[:axes] - there[:, :axes]
         n /= np.linalg.norm(n, axis=1)[:, None]
         largest = np.maximum(largest, own_part(motion, here[axes:], u, n))
@@ -114,16 +116,19 @@ def try_block(counts: list[Count], rng: np.random.Generator) -> None:
     counts[3].add(claims - largest)
 
 
-def draw_peers(motion: PointMotion, rng: np.random.Generator) -> Peers:
+def draw_peers(motion: Motion, rng: np.random.Generator) -> Peers:
     """Peers around the origin, their sets, and where they are by now."""
     axes, drag = motion.axes, motion.drag
+    bounds = zip(rng.uniform(1.0, 6.0, BLOCK), rng.uniform(0.01, 0.05, BLOCK), strict=True)
     peers = [
-        PointMotion(axes, float(a), drag, 0.0, longest=0.05, shortest=float(g))
-        for a, g in zip(rng.uniform(1.0, 6.0, BLOCK), rng.uniform(0.01, 0.05, BLOCK), strict=True)
+        box_motion(axes, float(a), 0.0, 0.0, 0.05, float(g))
+        if motion.jumps
+        else PointMotion(axes, float(a), drag, 0.0, longest=0.05, shortest=float(g))
+        for a, g in bounds
     ]
     motions, believes = stacked(peers), bool(rng.random() < 0.3)
     error = float(rng.choice([0.0, 0.0, 0.05]))
-    z = 2.0 * rng.normal(size=(BLOCK, 2 * axes))
+    z = 2.0 * draw_states(motion, BLOCK, rng)
     z[:, :axes] *= rng.choice([0.5, 2.0, 10.0], BLOCK)[:, None]
     age = rng.uniform(0.0, 1.0, BLOCK)
     inputs = draw_inputs(PARTS, motions, axes, rng)
@@ -132,10 +137,10 @@ def draw_peers(motion: PointMotion, rng: np.random.Generator) -> Peers:
     believed = np.minimum(motions.shortest, age - applies)
     if not believes:
         believed = np.zeros(BLOCK)
-    now = moved(z, inputs[0], held(motions.drag, applies[:, None]))
-    now = moved(now, announced, held(motions.drag, believed[:, None]))
+    now = moved(z, inputs[0], motions.held(applies[:, None]))
+    now = moved(now, announced, motions.held(believed[:, None]))
     for u in inputs:
-        now = moved(now, u, held(motions.drag, (age - applies - believed)[:, None] / PARTS))
+        now = moved(now, u, motions.held((age - applies - believed)[:, None] / PARTS))
     stamps = -age + rng.uniform(-error, error, BLOCK)
     rows = zip(stamps, z, applies, announced, strict=True)
     states = [HeardState(float(t), x, x, float(t + a), u) for t, x, a, u in rows]
@@ -155,11 +160,15 @@ def draw_inputs(count: int, motions: Motions, axes: int, rng: np.random.Generato
     return inputs
 
 
-def own_part(motion: PointMotion, v: Array, u: Array, n: Array) -> Array:
+def own_part(motion: Motion, v: Array, u: Array, n: Array) -> Array:
     """(d/dt) L - n·v at a speed, for n of shape (k, axes)."""
+    value: Array
+    if motion.jumps:
+        value = -(n @ u)
+        return value
     change, speed = u - motion.drag * v, float(np.linalg.norm(v))
     turn = float(change @ v) / speed if speed > 0.0 else float(np.linalg.norm(change))
-    value: Array = change @ v / motion.authority + motion.longest * turn - n @ v
+    value = change @ v / motion.authority + motion.longest * turn - n @ v
     return value
 
 
@@ -203,8 +212,10 @@ def try_runs(number: int) -> list[Count]:
     """Compare gaps that were used in closed loop with the true ones, and distances with R."""
     used, apart = Count("gaps used, by sets and shares"), Count("distances less R")
     for seed in range(number):
-        drag, law = (0.0, 0.6)[seed % 2], (rush, keep_right(3.0))[seed // 2 % 2]
-        motion = PointMotion(2, 4.0, drag, 0.0, longest=0.05, shortest=0.02)
+        drag, law = (0.0, 0.6)[seed // 2 % 2], (rush, keep_right(3.0))[seed // 4 % 2]
+        motion: Motion = PointMotion(2, 4.0, drag, 0.0, longest=0.05, shortest=0.02)
+        if seed % 2:
+            motion = box_motion(2, 3.0, 0.0, 0.0, 0.05, 0.02)
         claims: list[float] = []
         end = cross(
             4,
@@ -222,7 +233,7 @@ def try_runs(number: int) -> list[Count]:
 
 
 def compare(
-    motion: PointMotion,
+    motion: Motion,
     claims: list[float],
     _t: float,
     i: int,

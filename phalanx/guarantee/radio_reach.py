@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.network.link import Link
-from phalanx.swarm.radio import gain, point_motion
+from phalanx.swarm.points import agent_point
+from phalanx.swarm.radio import gain
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.safety.function import Distance, Separation
@@ -65,7 +66,7 @@ def radio_reach(swarm: Swarm) -> RadioReach | None:
 def _reach(swarm: Swarm, i: int, l: int, speeds: dict[int, float]) -> RadioReach:
     function = swarm.safety.safe_set_function
     assert isinstance(function, Distance | Separation)  # the filter has refused others
-    both = [(point_motion(swarm, j), speeds[swarm.group_numbers[j]]) for j in (i, l)]
+    both = [(agent_point(swarm, j).motion, speeds[swarm.group_numbers[j]]) for j in (i, l)]
     closing, stopping = sum(v for _, v in both), sum(m.tube + m.stopping(v) for m, v in both)
     return RadioReach(
         closing,
@@ -82,7 +83,7 @@ def _speed(swarm: Swarm, i: int) -> float:
     states = {l: x[part] for l, part in enumerate(parts)}
     goal, times = swarm.goal(i), np.linspace(0.0, swarm.scenario.duration, _TIMES)
     law = getattr(swarm.groups[i].law_object(), "speed", 0.0)
-    own = float(length(states[i][swarm.groups[i].axes :]))
+    own = float(length(agent_point(swarm, i).of(states[i])[swarm.groups[i].axes :]))
     moving = max(float(length(goal(t, states).velocity)) for t in times.tolist())
     return max(own, moving, law if isinstance(law, float | int) else 0.0)
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.knowledge.cones import Cones
-from phalanx.knowledge.motion import PointMotion
-from phalanx.knowledge.spending import HoldPieces
+from phalanx.knowledge.motion import Motion
+from phalanx.knowledge.spending import Pieces
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, polytope, vertices
+from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, vertices
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
@@ -48,15 +48,21 @@ class Chosen(NamedTuple):
 class InputChoice:
     """The choice of one agent's inputs."""
 
-    def __init__(self, motion: PointMotion, pieces: HoldPieces) -> None:
+    def __init__(self, motion: Motion, pieces: Pieces) -> None:
         self._motion, self._pieces = motion, pieces
-        self._qp = NearestInput((1.0,) * motion.axes)
-        faces = np.concatenate([np.eye(motion.axes), -np.eye(motion.axes)])
-        self._inputs = polytope(faces, np.full(len(faces), motion.authority))
+        self._qp, self._inputs = NearestInput((1.0,) * motion.axes), motion.inputs
         step = _STEP * motion.authority
+        faces = np.concatenate([np.eye(motion.axes), -np.eye(motion.axes)])
         self._steps, self._width = step * faces, 2.0 * step
 
-    def nearest(self, wish: Array, v: Array, limits: Limits | None, whole: Rows | None) -> Chosen:
+    def nearest(
+        self,
+        wish: Array,
+        v: Array,
+        limits: Limits | None,
+        whole: Rows | None,
+        turn: Array | None = None,
+    ) -> Chosen:
         """Choose an input.
 
         Args:
@@ -64,9 +70,11 @@ class InputChoice:
             v: the reference's speed, shape (axes,).
             limits: of own parts; None if none can be too large.
             whole: rows that yield.
+            turn: rotation of the set of inputs, shape (axes, axes); None for none.
         """
+        inputs = self._inputs if turn is None else _turned(self._inputs, turn)
         cuts, binding = Rows(np.empty((0, len(wish))), np.empty(0)), -1
-        u = self._inside(wish, cuts, whole)
+        u = self._inside(wish, inputs, cuts, whole)
         if u is None or not np.isfinite(u).all():
             return Chosen(self._motion.brake(v), True, None)
         if limits is None:
@@ -79,7 +87,7 @@ class InputChoice:
                 return Chosen(u, False, binding if binding >= 0 else None)
             binding = int(excess.argmax())
             cuts = _joined(cuts, self._tangents(u, values, excess))
-            inside = self._inside(wish, cuts, whole)
+            inside = self._inside(wish, inputs, cuts, whole)
             if inside is None:
                 break
             u = inside
@@ -91,14 +99,16 @@ class InputChoice:
         slopes = ((values[1 : axes + 1] - values[axes + 1 :]) / self._width).T[excess > 0.0]
         return Rows(slopes, dot(slopes, u) - excess[excess > 0.0] - _INSIDE)
 
-    def _inside(self, wish: Array, cuts: Rows, whole: Rows | None) -> Array | None:
+    def _inside(
+        self, wish: Array, inputs: Polytope, cuts: Rows, whole: Rows | None
+    ) -> Array | None:
         """The nearest input within these rows, or that which violates the whole ones least."""
         rows = cuts if whole is None else _joined(cuts, whole)
-        u = self._qp.solve(wish, self._inputs, rows)
+        u = self._qp.solve(wish, inputs, rows)
         if u is not None or whole is None:
             return u
-        A = np.concatenate([self._inputs.A, cuts.a])
-        b = np.concatenate([self._inputs.b, cuts.bound])
+        A = np.concatenate([inputs.A, cuts.a])
+        b = np.concatenate([inputs.b, cuts.bound])
         try:
             return self._qp.least_violation(Polytope(A, b, vertices(A, b), None, 0.0), whole)
         except EmptyPolytopeError:
@@ -118,6 +128,12 @@ class InputChoice:
                 share = float(moves[passing[-1]])
         u = brake + share * (u - brake) if share > 0.0 else brake
         return Chosen(u, share == 0.0, binding)
+
+
+def _turned(inputs: Polytope, turn: Array) -> Polytope:
+    """A set of inputs turned about 0, so that u becomes turn u."""
+    faces, corners = (dot(points[:, None], turn) for points in (inputs.A, inputs.corners))
+    return inputs._replace(A=faces, corners=corners, box=None)
 
 
 def _joined(rows: Rows, more: Rows) -> Rows:

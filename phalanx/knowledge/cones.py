@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.motion import Motions
+from phalanx.knowledge.motion import Motion, Motions
 from phalanx.knowledge.sets import Boxes
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
@@ -54,6 +54,13 @@ class Own(NamedTuple):
     v: Array
     drag: float
     authority: float
+    jumps: bool
+
+
+def own_motion(z: Array, motion: Motion) -> Own:
+    """The agent's own motion from its state (p, v) on, or from n of them."""
+    p, v = np.split(z, 2, axis=-1)
+    return Own(p, v, motion.drag, motion.authority, motion.jumps)
 
 
 def cones(own: Own, peers: Boxes, motions: Motions, times: Array) -> Cones:
@@ -74,7 +81,7 @@ def cones(own: Own, peers: Boxes, motions: Motions, times: Array) -> Cones:
     centre = (own.p - middle[:, :axes])[:, None] + relative * (0.5 * (begin + end))
     spread = half[:, None, :axes] + half[:, None, axes:] * end
     spread = spread + np.abs(relative) * (0.5 * (end - begin))
-    spread = spread + change[:, None] * (0.5 * end * end)
+    spread = spread + change[:, None] * (end if own.jumps else 0.5 * end * end)
     return _around(centre, spread)
 
 

@@ -7,14 +7,14 @@ moves an end along (k, d), k = (1 - e^{-β(T-s)}) / β, d = e^{-β(T-s)}, to whi
     ± (d p - k v) <= ± (d p* - k v*),   (p*, v*) the end of the input that switches at s
 
 Each s gives a necessary condition, so that the honest are never convicted; all of them together are
-sufficient. A disturbance φ adds to Û, and T ‖φ‖ to p. Errors of both states, and of their times,
-are allowed for.
+sufficient. A disturbance φ adds to Û, and T ‖φ‖ to p. Where inputs are velocities, p has no other
+bounds than T Û. Errors of both states, and of their times, are allowed for.
 """
 
 import numpy as np
 
-from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.held import moved
+from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.sets import HeardState
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
@@ -26,7 +26,7 @@ _CLOSE = 1e-6
 
 
 def contradiction(
-    motion: PointMotion, older: HeardState, newer: HeardState, stamp_error: float = 0.0
+    motion: Motion, older: HeardState, newer: HeardState, stamp_error: float = 0.0
 ) -> float:
     """Return by how much a peer's newer state contradicts its older one [m]; at most 0: by nothing.
 
@@ -38,9 +38,7 @@ def contradiction(
     return max(off_reference, float(unreached(motion, *states, 2.0 * stamp_error)[0]))
 
 
-def unreached(
-    motion: PointMotion, older: Array, newer: Array, time: Array, late: float = 0.0
-) -> Array:
+def unreached(motion: Motion, older: Array, newer: Array, time: Array, late: float = 0.0) -> Array:
     """Return how far newer states are from what older ones lead to [m], shape (n,); at most 0: not.
 
     Args:
@@ -50,12 +48,12 @@ def unreached(
         time: shape (n,) [s].
         late: bound on the error of a time [s].
     """
-    axes, push = motion.axes, motion.authority + motion.reserve + motion.disturbance
-    time = np.maximum(0.0, time)[:, None, None]
-    first, last, whole = (
-        held(np.array(motion.drag), t) for t in (time * _SWITCHES, time * (1.0 - _SWITCHES), time)
-    )
+    axes, push, time = motion.axes, motion.push, np.maximum(0.0, time)[:, None, None]
+    switches = _SWITCHES[-1:] if motion.jumps else _SWITCHES
+    first, last, whole = (motion.held(t) for t in (time * switches, time * (1.0 - switches), time))
     fastest = np.abs(newer[:, axes:]).max(axis=1)[:, None, None] + motion.speed_error + late * push
+    if motion.jumps:
+        fastest = np.full_like(time, push)
     p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error
     p_error = p_error + (time + late) * motion.disturbance + late * fastest
     v_error = motion.speed_error + late * (push + motion.drag * fastest)

@@ -59,6 +59,11 @@ def held(drag: Array, time: Array) -> Held:
     return Held(decay, speed, reach + speed * (time - moving))
 
 
+def jumped(time: Array) -> Held:
+    """Return the factors where inputs are velocities, of a state (p, 0): p(t) = p + t u."""
+    return Held(np.ones_like(time), np.zeros_like(time), time)
+
+
 def moved(x: Array, u: Array, factors: Held) -> Array:
     """Return the state (p, v) after an input.
 

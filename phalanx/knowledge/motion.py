@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.held import held
+from phalanx.knowledge.held import Held, held, jumped
 from phalanx.knowledge.tracking import Tracking, tracking
+from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
+from phalanx.theory.models.polytope import Polytope, polytope
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class PointMotion:
     """Bound [m]."""
     speed_error: float = 0.0
     """Bound [m/s]."""
+    jumps: ClassVar[bool] = False
+    """Its inputs are no velocities."""
 
     @property
     def tracking(self) -> Tracking:
@@ -45,6 +49,17 @@ class PointMotion:
         clock = self.longest, self.shortest
         errors = self.position_error, self.speed_error
         return tracking(self.drag, self.disturbance, *clock, self.acceleration, *errors)
+
+    @property
+    def push(self) -> float:
+        """Bound on every component of the input and of φ together [m/s²]."""
+        return self.authority + self.reserve + self.disturbance
+
+    @property
+    def inputs(self) -> Polytope:
+        """The inputs that tracking leaves to the reference."""
+        faces = np.concatenate([np.eye(self.axes), -np.eye(self.axes)])
+        return polytope(faces, np.full(len(faces), self.authority))
 
     @property
     def authority(self) -> float:
@@ -60,6 +75,10 @@ class PointMotion:
     def tube(self) -> float:
         """ρ: bound on the distance of the position from its reference [m]."""
         return self.tracking.tube
+
+    def held(self, time: Array) -> Held:
+        """The factors of a state (p, v) under one input, of the shape of the times."""
+        return held(np.array(self.drag), time)
 
     def stopping(self, speed: float) -> float:
         """L = v²/2A + τ v: the way on which it stops, its next sample being a τ away [m]."""
@@ -79,9 +98,18 @@ class PointMotion:
         """
         speed = float(length(v))
         count = max(1, ceil(speed / (self.authority * self.longest)))
-        factors = held(np.array(self.drag), np.array(count * self.longest))
+        factors = self.held(np.array(count * self.longest))
         bound = self.authority
         return np.minimum(np.maximum(v * -(factors.decay / factors.speed), -bound), bound)
+
+    def on_the_way(self, v: Array, u: Array, factors: Held) -> Array:
+        """Velocities p' of n holds after m times; shape (n, m, axes)."""
+        path: Array = factors.decay[..., None] * v[:, None] + factors.speed[..., None] * u[:, None]
+        return path
+
+
+Motion = PointMotion | VelocityMotion
+"""Of one order in a swarm: all agents' inputs are velocities, or none's."""
 
 
 class Motions(NamedTuple):
@@ -99,6 +127,12 @@ class Motions(NamedTuple):
     """Shortest time for which an input is held, shape (n,)."""
     reserve: Array
     """Of the input for tracking, shape (n, 1)."""
+    jumps: Array
+    """1 where inputs are velocities, else 0; shape (n, 1)."""
+
+    def held(self, time: Array) -> Held:
+        """Factors of states (p, v) under one input, for times of shape (n, 1)."""
+        return jumped(time) if self.jumps.any() else held(self.drag, time)
 
     def stopping(self, speed: Array) -> Array:
         """L of each, shape (n,)."""
@@ -110,8 +144,12 @@ class Motions(NamedTuple):
         return Motions(*(column[np.asarray(indices, dtype=np.intp)] for column in self))
 
 
-def stacked(motions: Sequence[PointMotion]) -> Motions:
+def stacked(motions: Sequence[Motion]) -> Motions:
     """Stack the bounds of several agents."""
-    rows = [(m.drag, m.authority, m.longest, m.tube, m.shortest, m.reserve) for m in motions]
-    drag, authority, longest, tube, shortest, reserve = np.array(rows).reshape(-1, 6).T
-    return Motions(drag[:, None], authority[:, None], longest, tube, shortest, reserve[:, None])
+    rows = [
+        (m.drag, m.authority, m.longest, m.tube, m.shortest, m.reserve, float(m.jumps))
+        for m in motions
+    ]
+    drag, authority, longest, tube, shortest, *inputs = np.array(rows).reshape(-1, 7).T
+    reserve, jumps = (column[:, None] for column in inputs)
+    return Motions(drag[:, None], authority[:, None], longest, tube, shortest, reserve, jumps)

@@ -7,18 +7,17 @@ brake spends nothing, whatever is known; so there always is an input.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.knowledge.choice import InputChoice, Limits
-from phalanx.knowledge.cones import Cones, Own, cones, everywhere, fixed, joined
-from phalanx.knowledge.motion import Motions, PointMotion, stacked
+from phalanx.knowledge.cones import Cones, cones, everywhere, fixed, joined, own_motion
+from phalanx.knowledge.motion import Motion, Motions, stacked
 from phalanx.knowledge.sets import Boxes, HeardState, PeerSet, enclosures
 from phalanx.knowledge.shares import Hold, Shares, after
-from phalanx.knowledge.spending import HoldPieces
+from phalanx.knowledge.spending import hold_pieces
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.rows.row import Rows
@@ -57,15 +56,13 @@ class OwnParts:
 
     def __init__(
         self,
-        motion: PointMotion,
-        peers: Mapping[int, PointMotion],
+        motion: Motion,
+        peers: Mapping[int, Motion],
         radius: float,
         kappa: float,
         *,
         believes: bool = False,
         stamp_error: float = 0.0,
-        position_error: float = 0.0,
-        speed_error: float = 0.0,
         start: Array | None = None,
     ) -> None:
         """Prepare an agent's choice.
@@ -77,13 +74,9 @@ class OwnParts:
             kappa: κ, the same for all agents [1/s]; at most 1/(e τ) is used, τ the longest of all.
             believes: whether an announced input is taken to be applied.
             stamp_error: bound on the error of a time stamp [s].
-            position_error: bound on the error of a measured own position [m].
-            speed_error: likewise [m/s].
             start: the reference at time 0, if peers know it; with no input it goes on from there.
         """
-        unsure = partial(replace, position_error=position_error, speed_error=speed_error)
-        motion = self._motion = unsure(motion)
-        peers, self._names = {l: unsure(m) for l, m in peers.items()}, sorted(peers)
+        self._motion, self._names = motion, sorted(peers)
         self._motions = stacked([peers[l] for l in self._names])
         longest = max([motion.longest, *(m.longest for m in peers.values())])
         self._share, self._radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
@@ -92,7 +85,7 @@ class OwnParts:
         self._shares, self._last = Shares(*accounts), None
         if start is not None:
             self._last = Hold(0.0, start, np.zeros(motion.axes), 0.0)
-        self._pieces = HoldPieces(motion, _PIECES)
+        self._pieces = hold_pieces(motion, _PIECES)
         self._choice = InputChoice(motion, self._pieces)
 
     def __call__(
@@ -103,6 +96,7 @@ class OwnParts:
         wish: Array,
         whole: Rows | None = None,
         static: Sequence[tuple[float, Array]] = (),
+        turn: Array | None = None,
     ) -> OwnPartsInput:
         """Choose the input of a sample.
 
@@ -113,6 +107,7 @@ class OwnParts:
             wish: the nominal input, shape (axes,).
             whole: rows a u <= bound on the applied input, which yield.
             static: distance of x to each convex obstacle, and the unit vector away from it.
+            turn: rotation of the set of inputs, shape (axes, axes); None for none.
         """
         z = self.reference = self._reference(t, x)
         pull = self._motion.tracking.pull(x - z)
@@ -126,13 +121,13 @@ class OwnParts:
         static = [(distance + float(dot(n, behind)), n) for distance, n in static]
         limits = self._limits(boxes.of(near), motions.of(near), gaps[near], static, len(names))
         shifted = None if whole is None else Rows(whole.a, whole.bound - dot(whole.a, pull))
-        chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted)
+        chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted, turn)
         self._last = Hold(t, z, chosen.u, t)
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
         by_a_peer = chosen.binding is not None and chosen.binding < len(near)
         return OwnPartsInput(
-            u=_clipped(chosen.u + pull, self._motion.acceleration),
+            u=chosen.u + pull,
             braked=chosen.braked,
             stands=len(names) < len(self._names),
             gaps=dict(zip(names, gaps.tolist(), strict=True)),
@@ -144,7 +139,7 @@ class OwnParts:
         """z at a sample: on from where it was; from x if that is out of the tube, or if it is 0."""
         if self._last is None:
             return x
-        tracking, z = self._motion.tracking, after(self._last, t, self._motion.drag)
+        tracking, z = self._motion.tracking, after(self._last, t, self._motion)
         if tracking.size(x - z) > tracking.radius + _CLOSE * (1.0 + float(length(z))):
             self._shares.forget()
             return x
@@ -186,7 +181,7 @@ class OwnParts:
         """Cones and own parts of near peers, then of obstacles, then of peers never heard."""
         motion, axes, around, most = self._motion, self._motion.axes, list[Cones](), list[Array]()
         if len(gaps):
-            begin = Own(self.reference[:axes], self.reference[axes:], motion.drag, motion.authority)
+            begin = own_motion(self.reference, motion)
             around.append(cones(begin, boxes, motions, self._pieces.times))
             most.append(self._share * gaps)
         if static:
@@ -200,8 +195,3 @@ class OwnParts:
 
     def _speed(self) -> float:
         return float(length(self.reference[self._motion.axes :]))
-
-
-def _clipped(u: Array, bound: float) -> Array:
-    within: Array = np.minimum(np.maximum(u, -bound), bound)
-    return within

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.held import held, moved
+from phalanx.knowledge.held import moved
 from phalanx.knowledge.motion import Motions
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
@@ -61,7 +61,7 @@ class Boxes(NamedTuple):
 
     def after(self, time: Array, motions: Motions, least: Array, most: Array) -> "Boxes":
         """Return the boxes a time later, shape (n,), under inputs from least to most."""
-        factors = held(motions.drag, time[:, None])
+        factors = motions.held(time[:, None])
         return Boxes(moved(self.low, least, factors), moved(self.high, most, factors))
 
     def within(self, time: Array, motions: Motions) -> "Boxes":
@@ -71,8 +71,8 @@ class Boxes(NamedTuple):
         # A speed's end rises or falls all the time: it is extreme at the begin or at the end.
         slow = np.minimum(self.low[:, axes:], low[:, axes:])
         fast = np.maximum(self.high[:, axes:], high[:, axes:])
-        near = self.low[:, :axes] + np.minimum(0.0, slow) * time
-        far = self.high[:, :axes] + np.maximum(0.0, fast) * time
+        near = np.minimum(low[:, :axes], self.low[:, :axes] + np.minimum(0.0, slow) * time)
+        far = np.maximum(high[:, :axes], self.high[:, :axes] + np.maximum(0.0, fast) * time)
         return Boxes(np.concatenate([near, slow], axis=1), np.concatenate([far, fast], axis=1))
 
     def distance(self, p: Array) -> Array:

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.cones import Own, cones
-from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import Motions, PointMotion
+from phalanx.knowledge.cones import cones, own_motion
+from phalanx.knowledge.held import moved
+from phalanx.knowledge.motion import Motion, Motions
 from phalanx.knowledge.sets import Boxes, HeardState
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
@@ -47,9 +47,9 @@ class Hold(NamedTuple):
     end: float
 
 
-def after(hold: Hold, t: float, drag: float) -> Array:
+def after(hold: Hold, t: float, motion: Motion) -> Array:
     """The reference at a time within a hold or at its end, shape (2 axes,)."""
-    return moved(hold.z, hold.u, held(np.array([drag]), np.array([t - hold.t])))
+    return moved(hold.z, hold.u, motion.held(np.array([t - hold.t])))
 
 
 class _Past(NamedTuple):
@@ -76,7 +76,7 @@ class Shares:
 
     def __init__(
         self,
-        motion: PointMotion,
+        motion: Motion,
         radius: float,
         share: float,
         stamp_error: float,
@@ -169,7 +169,7 @@ class Shares:
         for hold in reversed(self._holds):
             holds.append(hold)
             if hold.t <= state.t:
-                begin = after(hold, state.t, self._motion.drag)
+                begin = after(hold, state.t, self._motion)
                 holds[-1] = Hold(state.t, begin, hold.u, hold.end)
                 return _Past(begin, holds[::-1])
         return None
@@ -186,13 +186,10 @@ class Shares:
         motions, begin = motions.of(peers), np.array([hold.t for hold in holds])
         z, u = np.array([hold.z for hold in holds]), np.array([hold.u for hold in holds])
         times = (np.array([hold.end for hold in holds]) - begin)[:, None] * _PARTS
-        motion_then = Own(z[:, :axes], z[:, axes:], motion.drag, motion.authority)
+        then = own_motion(z, motion)
         boxes = self._enclose([states[n] for n in peers], begin, motions)
-        around, factors = (
-            cones(motion_then, boxes, motions, times),
-            held(np.array(motion.drag), times),
-        )
-        v = factors.decay[..., None] * z[:, None, axes:] + factors.speed[..., None] * u[:, None]
+        around = cones(then, boxes, motions, times)
+        v = motion.on_the_way(z[:, axes:], u, motion.held(times))
         spans = times[:, 1:] - times[:, :-1]
         most, back = (
             spans * np.maximum(around.closing(path[:, :-1]), around.closing(path[:, 1:]))

@@ -12,8 +12,8 @@ a cone is convex: each is bounded by its ends.
 import numpy as np
 
 from phalanx.knowledge.cones import Cones
-from phalanx.knowledge.held import held
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.motion import Motion, PointMotion
+from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
 
@@ -23,9 +23,9 @@ class HoldPieces:
 
     def __init__(self, motion: PointMotion, pieces: int) -> None:
         self._motion = motion
-        self.times = np.array([motion.longest * n / pieces for n in range(pieces + 1)])
+        self.times = _ends(motion, pieces)
         """Their ends, shape (m + 1,) [s]."""
-        self._k = held(np.array(motion.drag), self.times).speed
+        self._k = motion.held(self.times).speed
         self._rate = 1.0 - motion.drag * self._k
 
     def spending(self, v: Array, u: Array, cones: Cones) -> Array:
@@ -55,3 +55,30 @@ class HoldPieces:
         closing = np.maximum.reduce(cones.closing(ends), axis=0)
         most: Array = np.maximum.reduce(growth[:, None] + closing, axis=-1)
         return most
+
+
+class HeldVelocities:
+    """The pieces of the longest hold of an input that is a velocity u: its own part is -n·u."""
+
+    def __init__(self, motion: VelocityMotion, pieces: int) -> None:
+        self.times = _ends(motion, pieces)
+        """Their ends, shape (m + 1,) [s]."""
+
+    def spending(self, v: Array, u: Array, cones: Cones) -> Array:
+        """The largest own part of each input, as HoldPieces has it."""
+        most: Array = np.maximum.reduce(cones.closing(u[:, None, None]), axis=-1)
+        return most
+
+
+Pieces = HoldPieces | HeldVelocities
+
+
+def hold_pieces(motion: Motion, pieces: int) -> Pieces:
+    """Return the pieces of an agent's longest hold."""
+    if isinstance(motion, PointMotion):
+        return HoldPieces(motion, pieces)
+    return HeldVelocities(motion, pieces)
+
+
+def _ends(motion: Motion, pieces: int) -> Array:
+    return np.array([motion.longest * n / pieces for n in range(pieces + 1)])

@@ -7,26 +7,26 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import cast
+from typing import NamedTuple, cast
 
 import casadi as ca
 import numpy as np
 from msgspec.structs import replace
 
 from phalanx.knowledge.contradiction import contradiction
-from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import PointMotion, stacked
+from phalanx.knowledge.held import moved
+from phalanx.knowledge.motion import stacked
 from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState, enclosures
 from phalanx.network.inbox import AnnouncedInput, Conviction, SentInput
 from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.points import agent_point
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import StateBox
-from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.rows.decision import Decision, finite_or_none
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.nearest_in_box import TOLERANCE
@@ -43,6 +43,15 @@ _OFF = 1e-4
 """Distance kept from an obstacle's clearance [m]: nearer ones no certificate can prove."""
 
 
+class _Heard(NamedTuple):
+    """The newest state heard of a peer."""
+
+    x: Array
+    """Shape (n_l,)."""
+    point: HeardState
+    """Of the point that it is to others."""
+
+
 class PeerKnowledge:
     """Agent i's knowledge of its peers, from what they broadcast of themselves."""
 
@@ -52,11 +61,11 @@ class PeerKnowledge:
         assert radio is not None
         self._belief, self._parts = radio.belief, swarm.safe_set.parts
         self.peers = swarm.peers(i)
-        self.motions = {l: point_motion(swarm, l) for l in (i, *self.peers)}
+        self.points = {l: agent_point(swarm, l) for l in (i, *self.peers)}
         self._periods = {l: swarm.groups[l].clock.period for l in self.peers}
-        start, still = swarm.start(), np.zeros(self.motions[i].axes)
+        start, self._still = swarm.start(), np.zeros(self.points[i].motion.axes)
         states = {l: start[self._parts[l]] for l in self.peers}
-        self._newest = {l: HeardState(0.0, x, x, 0.0, still) for l, x in states.items()}
+        self._newest = {l: _Heard(x, self._standing(l, 0.0, x)) for l, x in states.items()}
         self._begun, self._t, self._starts_known = False, 0.0, radio.starts_known
         self._stamp_error, self._said = radio.stamp_error, dict[int, ReceivedInput]()
         self.convicted: set[int] = set()
@@ -64,7 +73,7 @@ class PeerKnowledge:
         self.convictions: list[Conviction] = []
         """Those of the last sample."""
         self.heard: Mapping[int, HeardState] = {}
-        """Of each peer the newest state heard; if one is taken for the truth, as if of now."""
+        """Of each peer's point the newest state heard; if one is the truth, as if of now."""
 
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
@@ -80,77 +89,64 @@ class PeerKnowledge:
         for l, said in received.items():
             if l in self._periods and said is not self._said.get(l):
                 self._said[l] = said
-                self._hear(l, _heard(said))
+                self._hear(l, self._heard(l, cast(SentInput, said)))
         believed = {l: self._believed(l, heard, t) for l, heard in self._newest.items()}
         for l, state in believed.items():
             x[self._parts[l]] = state
-        self.heard = self._newest
+        self.heard = {l: heard.point for l, heard in self._newest.items()}
         if self._belief != "set":
-            still = np.zeros(self.motions[self.peers[0]].axes)
-            self.heard = {l: HeardState(t, s, s, t, still) for l, s in believed.items()}
+            self.heard = {l: self._standing(l, t, state) for l, state in believed.items()}
         return x, tuple(sorted((*seen, *believed)))
 
     @property
     def age(self) -> Mapping[int, float]:
         """Time since the state that was heard of each peer was sampled [s]."""
-        return {l: self._t - heard.t for l, heard in self._newest.items()}
+        return {l: self._t - heard.point.t for l, heard in self._newest.items()}
 
     def boxes(self) -> Mapping[int, StateBox]:
-        """Return for each peer the box in which its state is, by what was heard."""
+        """Return for each peer the box in which its point is, by what was heard."""
         if not self._newest:
             return {}
-        peers, states = zip(*self._newest.items(), strict=True)
-        motions, times = [self.motions[l] for l in peers], np.full(len(peers), self._t)
+        peers, states = zip(*((l, heard.point) for l, heard in self._newest.items()), strict=True)
+        motions, times = [self.points[l].motion for l in peers], np.full(len(peers), self._t)
         low, high = enclosures(states, times, stacked(motions), self._stamp_error)
         tubes = [np.repeat([m.tube, m.tracking.speed_tube], m.axes) for m in motions]
         return {l: (a - r, b + r) for l, a, b, r in zip(peers, low, high, tubes, strict=True)}
 
-    def _hear(self, l: int, newer: HeardState) -> None:
+    def _hear(self, l: int, newer: _Heard) -> None:
         """Believe a statement of peer l, unless it contradicts the last one that was believed."""
         older, excess = self._newest.get(l), 0.0
         if older is not None and self._belief == "set":
-            excess = contradiction(self.motions[l], older, newer, self._stamp_error)
+            states = older.point, newer.point
+            excess = contradiction(self.points[l].motion, *states, self._stamp_error)
         if older is not None and excess > 0.0 and l not in self.convicted:
             self.convicted.add(l)
-            self.convictions.append(Conviction(l, older.t, newer.t, excess))
+            self.convictions.append(Conviction(l, older.point.t, newer.point.t, excess))
         if l not in self.convicted:
             self._newest[l] = newer
 
-    def _believed(self, l: int, heard: HeardState, t: float) -> Array:
+    def _standing(self, l: int, t: float, x: Array) -> HeardState:
+        """Return the state of peer l's point where it has the state x and no input at t [s]."""
+        point = self.points[l].of(x)
+        return HeardState(t, point, point, t, self._still)
+
+    def _heard(self, l: int, said: SentInput) -> _Heard:
+        point, x = self.points[l], np.array(said.x)
+        u, z = point.input(x, np.array(said.u)), point.of(np.array(said.z))
+        return _Heard(x, HeardState(said.t, point.of(x), z, said.t_apply, u))
+
+    def _believed(self, l: int, heard: _Heard, t: float) -> Array:
         """Return one state of peer l at t [s]; of a set the middle, where it is without input."""
-        x, drag, age = heard.x, np.array([self.motions[l].drag]), max(0.0, t - heard.t)
+        point, motion = heard.point, self.points[l].motion
         if self._belief == "newest":
-            return x
+            return heard.x
+        x, age = point.x, max(0.0, t - point.t)
         if self._belief == "carried-on":
-            # Its input is in force until its next sample; what follows is not known.
-            sure = min(age, self._periods[l])
-            x, age = moved(x, heard.u, held(drag, np.array([sure]))), age - sure
-        return moved(x, np.zeros(len(heard.u)), held(drag, np.array([age])))
-
-
-def _heard(received: ReceivedInput) -> HeardState:
-    said = cast(SentInput, received)
-    return HeardState(said.t, np.array(said.x), np.array(said.z), said.t_apply, np.array(said.u))
-
-
-def point_motion(swarm: Swarm, i: int) -> PointMotion:
-    """Return what others know of agent i's motion. Raises ScenarioError for other dynamics."""
-    dynamics, group = swarm.members[i].dynamics, swarm.groups[i]
-    if not isinstance(dynamics, DoubleIntegrator):
-        raise ScenarioError(
-            f"{swarm.scenario.name}: agents of {swarm.names[i]}: expected a double-integrator "
-            f"where there is a radio, got {group.dynamics['type']}"
-        )
-    return PointMotion(
-        dynamics.dimension,
-        dynamics.acceleration,
-        dynamics.drag,
-        group.disturbance.bound,
-        longest=swarm.horizon(i),
-        shortest=group.clock.period - group.clock.jitter,
-        position_error=group.radio.position_error if group.radio else 0.0,
-        speed_error=group.radio.speed_error if group.radio else 0.0,
-    )
+            # Its input is in force until its next sample; then its speed alone is known, which
+            # may be that input.
+            sure = age if motion.jumps else min(age, self._periods[l])
+            x, age = moved(x, point.u, motion.held(np.array([sure]))), age - sure
+        return self.points[l].at(heard.x, moved(x, self._still, motion.held(np.array([age]))))
 
 
 class RadioFilter:
@@ -167,29 +163,25 @@ class RadioFilter:
                 "where there is a radio"
             )
         self.with_beliefs = PeerKnowledge(swarm, i)
-        motions, peers = self.with_beliefs.motions, self.with_beliefs.peers
-        self._terms, self._own = rows.pair_terms(i), swarm.safe_set.parts[i]
+        points = self.with_beliefs.points
+        self._point, self._own = points[i], swarm.safe_set.parts[i]
+        self.reference: Array | None = None
+        """The reference state at the last sample, shape (n_i,); None if there is none."""
         self._halves: PairwiseFilter | None = None
         if radio.rows == "halves":
-            self._halves = PairwiseFilter(i, swarm.information(), rows.qp(i), self._terms)
-        else:
-            self._terms = _terms_of_limits(rows, i)
-        self._static = _static(swarm)
-        others = {l: motions[l] for l in peers}
-        self._own_parts = OwnParts(
-            motions[i],
-            others,
-            function.radius,
-            gain(swarm, (i, *peers)),
-            stamp_error=radio.stamp_error,
-            position_error=radio.position_error,
-            speed_error=radio.speed_error,
-        )
-
-    @property
-    def reference(self) -> Array | None:
-        """The reference state at the last sample, shape (n_i,); None if there is none."""
-        return None if self._halves else self._own_parts.reference
+            terms = rows.pair_terms(i)
+            self._halves = PairwiseFilter(i, swarm.information(), rows.qp(i), terms)
+        self._terms, self._static = _terms_of_limits(rows, i), _static(swarm)
+        try:
+            self._own_parts = OwnParts(
+                points[i].motion,
+                {l: points[l].motion for l in self.with_beliefs.peers},
+                function.radius,
+                gain(swarm, tuple(points)),
+                stamp_error=radio.stamp_error,
+            )
+        except ValueError as error:
+            raise ScenarioError(f"{swarm.scenario.name}: {swarm.names[i]}: {error}") from error
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
@@ -199,14 +191,25 @@ class RadioFilter:
             halves = self._halves(replace(now, received=present))
             return replace(halves, used=[l for l in heard if l in now.received])
         whole = pair_rows(self._terms(now.x, [l for l in now.seen if l not in peers], ()), {})
-        x = now.x[self._own]
-        result = self._own_parts(now.t, x, heard, now.u_nom, whole, self._static(x))
-        residual = float((dot(whole.a, result.u) - whole.bound).max(initial=FAR))
+        x, of_point = now.x[self._own], self._point
+        z = of_point.of(x)
+        result = self._own_parts(
+            now.t,
+            z,
+            heard,
+            of_point.input(x, now.u_nom),
+            of_point.rows(x, whole),
+            self._static(z),
+            of_point.turn(x),
+        )
+        self.reference = of_point.at(x, self._own_parts.reference)
+        u = of_point.applied(x, result.u)
+        residual = float((dot(whole.a, u) - whole.bound).max(initial=FAR))
         origin = Origin.BRAKE if result.braked else Origin.QP
         if residual > TOLERANCE:
             origin = Origin.BACKUP
         used = [l for l in heard if l in now.received and l not in self.with_beliefs.convicted]
-        return Filtered(Decision(result.u, origin, finite_or_none(residual)), used, whole)
+        return Filtered(Decision(u, origin, finite_or_none(residual)), used, whole)
 
 
 def _terms_of_limits(rows: SafetyRows, i: int) -> OwnPairTerms:
@@ -218,7 +221,7 @@ def _terms_of_limits(rows: SafetyRows, i: int) -> OwnPairTerms:
 
 
 Static = Callable[[Array], list[tuple[float, Array]]]
-"""State (p, v) -> of each obstacle the distance to its clearance [m], and the way out of it."""
+"""A point (p, v) -> of each obstacle the distance to its clearance [m], and the way out of it."""
 
 
 def _static(swarm: Swarm) -> Static:

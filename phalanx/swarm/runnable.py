@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from phalanx.network.link import RuleError
 from phalanx.scenario.model import Scenario, ScenarioError
+from phalanx.schema.registry import part_of_agent
 from phalanx.schema.user_code import names_user_code
 from phalanx.swarm.mistakes import require_dynamics, require_h, require_margin
 from phalanx.swarm.own_controller import own_controller
@@ -100,12 +101,17 @@ def _require_rules(swarm: Swarm, x: Array) -> None:
 
 
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
-    """Compute agent i's first input by a new law and controller, since they may have a state."""
+    """Compute agent i's first input by a new law and controller, since they may have a state.
+
+    Of one with a radio its filter is built.
+    """
     rows = rows.seen_by(i)
     view, u_nom = first_nominal(rows, i, x)
     controller = own_controller(rows, i, lambda *_: 0.0)
     if controller is not None:
         controller(view, u_nom, x, tuple(view.x), 0.0, {})
+    if rows.swarm.peers(i):
+        part_of_agent("agents.radio")(rows, i)
 
 
 def first_nominal(rows: SafetyRows, i: int, x: Array) -> tuple[View, Array]:

@@ -43,6 +43,13 @@ def test_whatever_happens_to_states_on_their_way_the_trajectory_is_one(changes: 
     assert runs[0].summary.notes == [], "every fault had an effect"
 
 
+def test_agents_whose_inputs_are_velocities_have_one_trajectory_too() -> None:
+    fewer = {"duration": 1.5, "agents.0.disturbance.kind": "adverse"}
+    faults = [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}]
+    runs = on_both_engines(phalanx.load("crossing-radio", {**fewer, "faults": faults}))
+    assert runs[0].summary.outcome is phalanx.Outcome.GUARANTEED
+
+
 def test_one_that_was_restarted_stands_until_it_has_heard_its_peers() -> None:
     restart = {"kind": "restart", "at": 1.0, "for": 0.2, "agents": ["1"]}
     changes = {"duration": 2.5, "network.loss": 0.0, "faults": [restart]}

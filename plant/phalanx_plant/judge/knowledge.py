@@ -14,7 +14,7 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.knowledge.contradiction import unreached
 from phalanx.messages.kinds import Telemetry
 from phalanx.network.inbox import DeliveryReport
-from phalanx.swarm.radio import point_motion
+from phalanx.swarm.points import agent_point
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 
@@ -42,8 +42,9 @@ class Knowledge:
         """Begin at x(0)."""
         self.held = Assumption("knowledge held", note=_NOTE)
         self._swarm, self._start = swarm, swarm.start()
-        self._motions = {i: point_motion(swarm, i) for i in swarm.normal if swarm.peers(i)}
-        self._known = {i: self._starts(i) for i in self._motions}
+        self._points = {i: agent_point(swarm, i) for i in swarm.normal if swarm.peers(i)}
+        self._motions = {i: point.motion for i, point in self._points.items()}
+        self._known = {i: self._starts(i) for i in self._points}
         self._in_flight = defaultdict[int, list[tuple[float, DeliveryReport]]](list)
         self._relays: dict[tuple[int, int], list[tuple[int, _Statement]]] = {}
         """By agent and number of its broadcast: its own statement, then what it repeats."""
@@ -113,9 +114,10 @@ class Knowledge:
         for l in known:
             alike[self._motions[l]].append(l)
         for motion, peers in alike.items():
-            older, newer = ([known[l].x for l in peers], [x[parts[l]] for l in peers])
+            older = np.array([self._points[l].of(known[l].x) for l in peers])
+            newer = np.array([self._points[l].of(x[parts[l]]) for l in peers])
             ages = np.array([t - known[l].t for l in peers])
-            off = unreached(motion, np.array(older), np.array(newer), ages, late)
+            off = unreached(motion, older, newer, ages, late)
             for l, outside in zip(peers, (off > 0.0).tolist(), strict=True):
                 cause = self._cause(l, t, known[l], outside, l in turned)
                 self.held.check(cause is None, t)

@@ -330,6 +330,47 @@ def test_an_obstacle_in_the_way_is_never_reached_whatever_the_law_wants():
     assert 0.0 < swarm["least_clearance"][0] < 0.05, "the law drives at them"
 
 
+PRESSING = {
+    "duration": 5.0,
+    "network.loss": 0.5,
+    "faults": [],
+    "agents": [
+        {
+            "count": 2,
+            "role": "normal",
+            "law": {"type": "track-velocity", "gain": 1.0},
+            "clock": {"period": 0.04, "jitter": 0.02},
+            "disturbance": {"bound": 0.2, "kind": "adverse"},
+            "radio": {"every": 5, "position_error": 0.01},
+        }
+    ],
+}
+KINDS = {
+    "single-integrator": ({"speed": 1.5, "dimension": 3}, [[2.0, 0.1, 0.0], [-2.0, 0.0, 0.0]]),
+    "unicycle": ({"speed": 2.0, "turn_rate": 4.0}, [[2.0, 0.1, 3.0], [-2.0, 0.0, 0.0]]),
+    "differential-drive": (
+        {"wheel_rate": 20.0, "wheel_radius": 0.1, "track": 0.4},
+        [[2.0, 0.1, 3.0], [-2.0, 0.0, 0.0]],
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_agents_whose_inputs_are_velocities_stop_before_one_another_at_any_heading(kind: str):
+    fields, start = KINDS[kind]
+    goal = [place[: fields.get("dimension", 2)] for place in start[::-1]]
+    group = {"dynamics": {"type": kind, **fields}, "start": start, "goal": goal}
+    agents = [{**PRESSING["agents"][0], **group}]
+    run = phalanx.run(
+        phalanx.load("crossing-radio", {**PRESSING, "agents": agents}), engine="in-process"
+    )
+    assert run.verdict != phalanx.Outcome.VIOLATED
+    (least,) = run.metrics.filter(agent="swarm")["least_distance"]
+    assert 1.0 < least < 1.3, "they press against one another"
+    assert run.summary.origins["backup"] == 0
+
+
 def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers():
     blind = {**TWO, "duration": 1.0, "network.loss": 0.0, "network.delay": 0.3}
     speed = {}

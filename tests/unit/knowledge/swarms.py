@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phalanx.knowledge.held import held, moved
-from phalanx.knowledge.motion import PointMotion
+from phalanx.knowledge.held import moved
+from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState
 
@@ -33,7 +33,7 @@ class Member:
     x: np.ndarray
     goal: np.ndarray
     parts: OwnParts
-    motion: PointMotion
+    motion: Motion
     u: np.ndarray
     next_sample: float
     samples: int = 0
@@ -87,7 +87,7 @@ def cross(
     radio: Radio,
     seed: int,
     *,
-    motion: PointMotion,
+    motion: Motion,
     law: Callable | None = None,
     circle: float = 6.0,
     kappa: float = 3.5,
@@ -126,7 +126,7 @@ def cross(
             step = min(STEP, until - t)
             for i, member in enumerate(members):
                 phi = np.zeros(2 * axes) if push is None else push(member, i, t)
-                factors = held(np.array([motion.drag]), np.array([step]))
+                factors = motion.held(np.array([step]))
                 member.x = moved(member.x, member.u + phi[axes:], factors)
                 member.x[:axes] += step * phi[:axes]
             t = until if step < STEP else t + step
@@ -142,8 +142,8 @@ def cross(
                     for_all[l] = state
         centres = []
         for state in member.heard.values():
-            age = np.array([t - state.t])
-            centres.append(moved(state.x, np.zeros(axes), held(np.array([motion.drag]), age)))
+            factors = motion.held(np.array([t - state.t]))
+            centres.append(moved(state.x, np.zeros(axes), factors))
         x = member.x if measure is None else measure(member.x)
         wish = law(x, member.goal, centres)
         result = member.parts(t, x, member.heard, wish)

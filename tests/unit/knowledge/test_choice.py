@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phalanx.knowledge.choice import InputChoice, Limits
-from phalanx.knowledge.cones import Own, cones, everywhere, fixed, joined
+from phalanx.knowledge.cones import cones, everywhere, fixed, joined, own_motion
 from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.sets import Boxes
 from phalanx.knowledge.spending import HoldPieces
@@ -38,7 +38,8 @@ def draw_scene(rng: np.random.Generator, rows: int) -> Scene:
         z = np.concatenate([way, rng.normal(size=2)])
         boxes.append(enclosed(z, float(rng.choice([0.05, 0.3, 0.6])), PLANE))
     peers = Boxes(*(np.concatenate(column) for column in zip(*boxes, strict=True)))
-    around = cones(Own(np.zeros(2), v, 0.0, 4.0), peers, stacked([PLANE] * count), HOLD.times)
+    own = own_motion(np.concatenate([np.zeros(2), v]), PLANE)
+    around = cones(own, peers, stacked([PLANE] * count), HOLD.times)
     limits = Limits(around, rng.choice([0.0, 0.2, 1.0, 2.0], count))
     whole = Rows(rng.normal(size=(rows, 2)), rng.uniform(-6.0, 3.0, rows)) if rows else None
     return Scene(v, limits, 4.0 * rng.normal(size=2), whole)

@@ -8,7 +8,14 @@ import pytest
 from phalanx.knowledge.contradiction import contradiction
 from phalanx.knowledge.motion import PointMotion
 from phalanx.knowledge.sets import HeardState
-from tests.unit.knowledge.adverse import draw_inputs, draw_motion, path
+from tests.unit.knowledge.adverse import (
+    DRAWS,
+    box_motion,
+    draw_inputs,
+    draw_motion,
+    draw_states,
+    path,
+)
 
 ROBOT = PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02)
 
@@ -23,21 +30,24 @@ def on_sphere(size: float, axes: int, rng: np.random.Generator) -> np.ndarray:
     return size * direction / np.linalg.norm(direction)
 
 
+@pytest.mark.parametrize("draw", DRAWS)
 @pytest.mark.parametrize("kind", ["random", "bang-bang"])
-def test_true_states_never_contradict_one_another(kind):
+def test_true_states_never_contradict_one_another(kind, draw):
     rng, parts = np.random.default_rng(5), 16
     for n in range(300):
         if n % 30 == 0:
-            drawn, phi = draw_motion(rng), float(rng.uniform(0.0, 0.1))
-            motion = replace(drawn, disturbance=phi, position_error=0.05, speed_error=0.1)
+            drawn, phi = draw(rng), float(rng.uniform(0.0, 0.1))
+            errors = {"position_error": 0.05} | ({} if drawn.jumps else {"speed_error": 0.1})
+            motion = replace(drawn, disturbance=phi, **errors)
         axes, time = drawn.axes, float(rng.uniform(0.0, 2.0))
-        begin, stamps = 3.0 * rng.normal(size=2 * axes), rng.uniform(-0.02, 0.02, 2)
+        (begin,), stamps = 3.0 * draw_states(drawn, 1, rng), rng.uniform(-0.02, 0.02, 2)
         pushed = on_sphere(phi, 2 * axes, rng)  # φ, of p and of v
-        *_, end = path(
-            begin, draw_inputs(kind, parts, drawn, rng) + pushed[axes:], time, motion.drag
-        )
+        if drawn.jumps:
+            pushed[axes:] = 0.0
+        *_, end = path(begin, draw_inputs(kind, parts, drawn, rng) + pushed[axes:], time, motion)
         end[:axes] += pushed[:axes] * time
-        errors = [np.r_[on_sphere(0.05, axes, rng), on_sphere(0.1, axes, rng)] for _ in range(2)]
+        sizes = motion.position_error, motion.speed_error
+        errors = [np.concatenate([on_sphere(a, axes, rng) for a in sizes]) for _ in range(2)]
         older, newer = (
             state(t + stamp, x + error)
             for t, stamp, x, error in zip((0.0, time), stamps, (begin, end), errors, strict=True)
@@ -51,8 +61,15 @@ def test_the_ends_of_larger_inputs_do():
         begin, time = rng.normal(size=2 * motion.axes), float(rng.uniform(0.2, 2.0))
         signs = np.where(np.arange(8)[:, None] < rng.integers(0, 9, motion.axes), 1.0, -1.0)
         for share, contradicts in ((0.999, False), (1.02, True)):
-            *_, end = path(begin, share * motion.authority * signs, time, motion.drag)
+            *_, end = path(begin, share * motion.authority * signs, time, motion)
             assert (contradiction(motion, state(0.0, begin), state(time, end)) > 0.0) == contradicts
+
+
+def test_only_a_way_longer_than_a_velocity_allows_contradicts_where_inputs_are_velocities():
+    motion, begin = box_motion(2, 2.0, 0.0, 0.0, 0.05, 0.02), np.zeros(4)
+    for way, contradicts in ((0.99, False), (1.01, True)):
+        end = np.array([0.6 * way, -0.6 * way, 0.0, 0.0])
+        assert (contradiction(motion, state(0.0, begin), state(0.3, end)) > 0.0) == contradicts
 
 
 def test_a_jump_a_stop_of_the_place_alone_the_past_and_a_drift_contradict():

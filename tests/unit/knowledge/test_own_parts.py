@@ -11,13 +11,16 @@ from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState
 from phalanx.knowledge.shares import after
 from phalanx.theory.rows.row import Rows
-from tests.unit.knowledge.adverse import gap
+from tests.unit.knowledge.adverse import box_motion, gap
 from tests.unit.knowledge.swarms import RADIUS, Radio, cross, rush
 
 PLANE = PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02)
 DRAG = PointMotion(2, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
 SPACE = PointMotion(3, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
 DISTURBED = PointMotion(2, 4.0, 0.3, 0.1, longest=0.05, shortest=0.02)
+BOX = box_motion(2, 3.0, 0.0, 0.0, 0.05, 0.02)
+DISTURBED_BOX = box_motion(2, 3.0, 0.4, 0.0, 0.05, 0.02)
+MEASURED_BOX = replace(DISTURBED_BOX, position_error=0.02)
 MEASURED = replace(DISTURBED, disturbance=0.05, position_error=0.02, speed_error=0.02)
 
 
@@ -32,6 +35,7 @@ def heard(x, t=0.0) -> HeardState:
     [
         pytest.param(PLANE, Radio(0.9), id="loss .9"),
         pytest.param(DRAG, Radio(0.3, every=5, partition=(0.8, 2.0)), id="a partition, drag"),
+        pytest.param(BOX, Radio(0.3, every=5, partition=(0.2, 1.2)), id="a partition, velocities"),
         pytest.param(SPACE, Radio(0.5, every=3), id="in space", marks=pytest.mark.nightly),
         pytest.param(DRAG, Radio(0.9), id="loss .9, drag", marks=pytest.mark.nightly),
         pytest.param(PLANE, Radio(), id="no loss", marks=pytest.mark.nightly),
@@ -46,7 +50,7 @@ def test_agents_that_cross_stay_apart_at_any_loss_and_no_gap_used_is_above_the_t
             true = gap(members[i].x, members[l].x, motion, motion, RADIUS)
             above.append(claim - true)
 
-    law = rush if motion is SPACE else None
+    law = rush if motion in (SPACE, BOX) else None
     end = cross(5, radio, 1, motion=motion, law=law, circle=3.5, duration=3.0, observe=compare)
     assert end.least > 0.0
     assert max(above) <= 0.0
@@ -61,7 +65,7 @@ def test_agents_that_keep_right_arrive_where_three_of_ten_broadcasts_are_lost(lo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", [DISTURBED, MEASURED], ids=["disturbed", "measured"])
+@pytest.mark.parametrize("motion", [DISTURBED, MEASURED, DISTURBED_BOX, MEASURED_BOX])
 def test_disturbed_agents_stay_apart_and_none_leaves_its_tube(motion):
     rng, above, farthest = np.random.default_rng(1), [], []
 
@@ -69,25 +73,25 @@ def test_disturbed_agents_stay_apart_and_none_leaves_its_tube(motion):
         # Towards the middle, and across at the rate of the tracking.
         turn = np.array([np.cos(1.5 * t + i), np.sin(1.5 * t + i)])
         inwards = -member.x[:2] / max(np.hypot(*member.x[:2]), 1e-9)
-        phi = np.concatenate([inwards, inwards + turn])
+        phi = np.concatenate([inwards, (inwards + turn) * (not motion.jumps)])
         return motion.disturbance * phi / np.linalg.norm(phi)
 
     def measure(x):
         error = rng.normal(size=(2, 2))
         error /= np.linalg.norm(error, axis=1)[:, None]
-        return x + np.concatenate([motion.position_error * error[0], motion.speed_error * error[1]])
+        speed_error = 0.0 if motion.jumps else motion.speed_error
+        return x + np.concatenate([motion.position_error * error[0], speed_error * error[1]])
 
     def compare(t, i, members, result):
-        z = [after(member.parts._last, t, motion.drag) for member in members if member.samples]
+        z = [after(member.parts._last, t, motion) for member in members if member.samples]
         if len(z) == len(members):
             farthest.extend(np.hypot(*(a[:2] - m.x[:2])) for a, m in zip(z, members, strict=True))
             for l, claim in result.gaps.items():
                 above.append(claim - gap(z[i], z[l], motion, motion, RADIUS))
 
-    errors = {"position_error": motion.position_error, "speed_error": motion.speed_error}
     hooks = {"push": push, "measure": measure, "observe": compare}
     radio = Radio(0.3, every=4, relays=True)
-    end = cross(4, radio, 1, motion=motion, law=rush, circle=3.0, duration=3.0, **hooks, **errors)
+    end = cross(4, radio, 1, motion=motion, law=rush, circle=3.0, duration=3.0, **hooks)
     assert end.least > 0.0
     assert max(above) <= 0.0
     assert 0.3 * motion.tube < max(farthest) <= motion.tube

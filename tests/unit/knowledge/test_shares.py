@@ -8,11 +8,12 @@ from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.own_parts import OwnParts
 from phalanx.knowledge.sets import HeardState, enclosures
 from phalanx.knowledge.shares import Hold, Shares, after
-from tests.unit.knowledge.adverse import enclosed, gap
+from tests.unit.knowledge.adverse import box_motion, enclosed, gap
 from tests.unit.knowledge.swarms import RADIUS, Radio, cross, keep_right, rush
 
 PLANE = PointMotion(2, 4.0, 0.0, 0.0, longest=0.05, shortest=0.02)
 DRAG = PointMotion(2, 4.0, 0.6, 0.0, longest=0.05, shortest=0.02)
+BOX = box_motion(2, 3.0, 0.0, 0.0, 0.05, 0.02)
 AWAY = np.array([50.0, 0.0, 0.0, 0.0])
 
 
@@ -33,6 +34,7 @@ def gap_by_set(own, peer_set, motion) -> float:
     ("law", "motion"),
     [
         pytest.param(rush, DRAG, id="rush, drag"),
+        pytest.param(rush, BOX, id="rush, velocities"),
         pytest.param(rush, PLANE, id="rush", marks=pytest.mark.nightly),
         pytest.param(keep_right(3.0), PLANE, id="keep right", marks=pytest.mark.nightly),
     ],
@@ -133,7 +135,7 @@ def test_a_share_of_a_peer_that_rests_falls_by_no_less_than_the_way_closed_in():
         for _ in range(5):
             u, end = rng.choice([-4.0, 4.0], 2), t + float(rng.uniform(0.02, 0.05))
             shares.remember(Hold(t, z, u, end))
-            z, t = after(Hold(t, z, u, end), end, drag), end
+            z, t = after(Hold(t, z, u, end), end, motion), end
         claim = shares.gaps(t, z, [state], stacked([motion]))[0]
         true = gap(z, state.z, motion, motion, RADIUS)
         assert claim <= true

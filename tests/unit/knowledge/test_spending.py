@@ -3,12 +3,19 @@
 import numpy as np
 import pytest
 
-from phalanx.knowledge.cones import Own, cones, fixed
+from phalanx.knowledge.cones import cones, fixed, own_motion
 from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.sets import Boxes
-from phalanx.knowledge.spending import HoldPieces
-from tests.unit.knowledge.adverse import draw_inputs, draw_motion, enclosed, path
+from phalanx.knowledge.spending import HoldPieces, hold_pieces
+from tests.unit.knowledge.adverse import (
+    DRAWS,
+    draw_inputs,
+    draw_motion,
+    draw_states,
+    enclosed,
+    path,
+)
 
 AWAY = 1e-8
 FINE = 64
@@ -16,6 +23,8 @@ FINE = 64
 
 def own_parts(motion, v, u, n, times):
     """(d/dt) L - n·v at these times, by its formula; n has shape (times, axes)."""
+    if motion.jumps:
+        return -(n @ u)
     factors = held(np.array([[motion.drag]]), times[:, None])
     path = factors.decay * v + factors.speed * u
     speed, faster = np.linalg.norm(path, axis=1), u - motion.drag * path
@@ -24,32 +33,32 @@ def own_parts(motion, v, u, n, times):
     return rate / motion.authority + motion.longest * turn - (n * path).sum(axis=1)
 
 
-def draw_pair(rng):
+def draw_pair(rng, draw):
     """An own motion and state, a peer heard some time ago, where it is now, and its inputs."""
-    motion, age = draw_motion(rng), float(rng.uniform(0.0, 0.6))
+    motion, age = draw(rng), float(rng.uniform(0.0, 0.6))
     axes = motion.axes
-    own, z = 1.5 * rng.normal(size=(2, 2 * axes))
+    own, z = 1.5 * draw_states(motion, 2, rng)
     own[:axes] = z[:axes] + rng.normal(size=axes) * rng.choice([1.0, 3.0, 10.0])
     if rng.random() < 0.1:
         own[axes:] = 0.0
     boxes = enclosed(z, age, motion)
-    *_, peer = path(z, draw_inputs("bang-bang", 8, motion, rng), age, motion.drag)
+    *_, peer = path(z, draw_inputs("bang-bang", 8, motion, rng), age, motion)
     return motion, own, boxes, peer
 
 
 @pytest.mark.slow
-def test_no_instant_of_a_hold_spends_more_than_the_test_says():
+@pytest.mark.parametrize("draw", DRAWS)
+def test_no_instant_of_a_hold_spends_more_than_the_test_says(draw):
     rng, tightest = np.random.default_rng(1), np.inf
     for _ in range(400):
-        motion, own, boxes, peer = draw_pair(rng)
-        axes, hold = motion.axes, HoldPieces(motion, 4)
-        around = Own(own[:axes], own[axes:], motion.drag, motion.authority)
-        cone = cones(around, boxes, stacked([motion]), hold.times)
+        motion, own, boxes, peer = draw_pair(rng, draw)
+        axes, hold = motion.axes, hold_pieces(motion, 4)
+        cone = cones(own_motion(own, motion), boxes, stacked([motion]), hold.times)
         u = draw_inputs(str(rng.choice(["random", "bang-bang"])), 1, motion, rng)[0]
         claim = hold.spending(own[axes:], u[None], cone)[0, 0]
         others = draw_inputs("bang-bang", FINE, motion, rng)
-        there = list(path(peer, others, motion.longest, motion.drag))
-        here = list(path(own, np.tile(u, (FINE, 1)), motion.longest, motion.drag))
+        there = list(path(peer, others, motion.longest, motion))
+        here = list(path(own, np.tile(u, (FINE, 1)), motion.longest, motion))
         n = np.array(here)[:, :axes] - np.array(there)[:, :axes]
         n /= np.linalg.norm(n, axis=1)[:, None]
         times = np.arange(1, FINE + 1) * motion.longest / FINE
@@ -72,16 +81,16 @@ def test_an_input_that_ends_at_rest_spends_no_more_than_the_test_says_until_it_d
 
 
 @pytest.mark.slow
-def test_the_direction_to_a_peer_stays_in_its_cone_throughout_each_piece():
+@pytest.mark.parametrize("draw", DRAWS)
+def test_the_direction_to_a_peer_stays_in_its_cone_throughout_each_piece(draw):
     rng, narrow = np.random.default_rng(2), 0
     for _ in range(300):
-        motion, own, boxes, peer = draw_pair(rng)
-        axes, hold = motion.axes, HoldPieces(motion, 4)
-        around = Own(own[:axes], own[axes:], motion.drag, motion.authority)
-        cone = cones(around, boxes, stacked([motion]), hold.times)
+        motion, own, boxes, peer = draw_pair(rng, draw)
+        axes, hold = motion.axes, hold_pieces(motion, 4)
+        cone = cones(own_motion(own, motion), boxes, stacked([motion]), hold.times)
         kinds = (draw_inputs("bang-bang", FINE, motion, rng) for _ in range(2))
         here, there = (
-            np.array(list(path(x, inputs, motion.longest, motion.drag)))[:, :axes]
+            np.array(list(path(x, inputs, motion.longest, motion)))[:, :axes]
             for x, inputs in zip((own, peer), kinds, strict=True)
         )
         n = (here - there) / np.linalg.norm(here - there, axis=1)[:, None]
@@ -126,7 +135,7 @@ def test_boxes_that_may_contain_the_agent_leave_all_directions_open():
     motion = draw_motion(rng)
     axes = motion.axes
     box = Boxes(np.full((1, 2 * axes), -1.0), np.full((1, 2 * axes), 1.0))
-    inside = Own(np.full(axes, 0.5), np.zeros(axes), motion.drag, motion.authority)
-    cone = cones(inside, box, stacked([motion]), HoldPieces(motion, 4).times)
+    inside = np.concatenate([np.full(axes, 0.5), np.zeros(axes)])
+    cone = cones(own_motion(inside, motion), box, stacked([motion]), HoldPieces(motion, 4).times)
     v = rng.normal(size=axes)
     np.testing.assert_allclose(cone.closing(v), np.linalg.norm(v))
