@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phalanx.knowledge.held import halves
 from phalanx.knowledge.motion import Motion, Motions
 from phalanx.knowledge.sets import Boxes
 from phalanx.theory.arrays import Array
@@ -59,7 +60,7 @@ class Own(NamedTuple):
 
 def own_motion(z: Array, motion: Motion) -> Own:
     """The agent's own motion from its state (p, v) on, or from n of them."""
-    p, v = np.split(z, 2, axis=-1)
+    p, v = halves(z)
     return Own(p, v, motion.drag, motion.authority, motion.jumps)
 
 

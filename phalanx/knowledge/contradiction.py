@@ -13,7 +13,7 @@ bounds than T Û. Errors of both states, and of their times, are allowed for.
 
 import numpy as np
 
-from phalanx.knowledge.held import moved
+from phalanx.knowledge.held import halves, moved
 from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.sets import HeardState
 from phalanx.theory.arrays import Array
@@ -60,7 +60,7 @@ def unreached(motion: Motion, older: Array, newer: Array, time: Array, late: flo
     pushed, beyond = np.array(push), np.full(newer[:, None, :axes].shape, -np.inf)
     for sign in (1.0, -1.0):
         ends = moved(moved(older[:, None], sign * pushed, first), -sign * pushed, last)
-        p, v = np.split(sign * (newer[:, None] - ends), 2, axis=-1)
+        p, v = halves(sign * (newer[:, None] - ends))
         beyond = np.maximum(beyond, last.decay * p - last.speed * v)
     outside = beyond - last.decay * p_error - last.speed * v_error
     most: Array = outside.max(axis=(1, 2)) - _CLOSE * (1.0 + length(newer))

@@ -64,6 +64,12 @@ def jumped(time: Array) -> Held:
     return Held(np.ones_like(time), np.zeros_like(time), time)
 
 
+def halves(x: Array) -> tuple[Array, Array]:
+    """Return the two halves of a state, or of an error of one: p and v, shapes (..., axes)."""
+    axes = x.shape[-1] // 2
+    return x[..., :axes], x[..., axes:]
+
+
 def moved(x: Array, u: Array, factors: Held) -> Array:
     """Return the state (p, v) after an input.
 
@@ -71,7 +77,6 @@ def moved(x: Array, u: Array, factors: Held) -> Array:
         x: shape (..., 2 axes). u: shape (..., axes), or one number for all.
         factors: shapes (..., 1).
     """
-    axes = x.shape[-1] // 2
-    p, v = x[..., :axes], x[..., axes:]
+    p, v = halves(x)
     there = p + factors.speed * v + factors.reach * u
     return np.concatenate([there, factors.decay * v + factors.speed * u], axis=-1)

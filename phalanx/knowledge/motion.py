@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, sqrt
 from typing import ClassVar, NamedTuple
 
@@ -43,7 +44,7 @@ class PointMotion:
     jumps: ClassVar[bool] = False
     """Its inputs are no velocities."""
 
-    @property
+    @cached_property
     def tracking(self) -> Tracking:
         """Gains K, and the tube around a reference. Raises ValueError if φ is too large."""
         clock = self.longest, self.shortest
@@ -55,13 +56,13 @@ class PointMotion:
         """Bound on every component of the input and of φ together [m/s²]."""
         return self.authority + self.reserve + self.disturbance
 
-    @property
+    @cached_property
     def inputs(self) -> Polytope:
         """The inputs that tracking leaves to the reference."""
         faces = np.concatenate([np.eye(self.axes), -np.eye(self.axes)])
         return polytope(faces, np.full(len(faces), self.authority))
 
-    @property
+    @cached_property
     def authority(self) -> float:
         """A: all of the acceleration that tracking leaves to the reference [m/s²]."""
         return self.acceleration - self.reserve
@@ -71,7 +72,7 @@ class PointMotion:
         """Bound on every component of the input that tracking takes [m/s²]."""
         return self.tracking.reserve
 
-    @property
+    @cached_property
     def tube(self) -> float:
         """ρ: bound on the distance of the position from its reference [m]."""
         return self.tracking.tube

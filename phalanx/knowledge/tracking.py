@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.held import Held, held
+from phalanx.knowledge.held import Held, halves, held
 from phalanx.theory.arrays import Array
 
 _RATES = 32
@@ -47,13 +47,13 @@ class Tracking(NamedTuple):
 
     def pull(self, error: Array) -> Array:
         """-K e, shape (axes,), for e of shape (2 axes,)."""
-        p, v = np.split(error, 2)
+        p, v = halves(error)
         u: Array = -(self.gains[0] * p + self.gains[1] * v)
         return u
 
     def size(self, error: Array) -> float:
         """‖e‖ in the norm of the tube [m/s]."""
-        p, v = np.split(error, 2)
+        p, v = halves(error)
         first = 2.0 * self.rate * p + v
         return sqrt(float(np.add.reduce(first * first + v * v)))
 
