@@ -48,7 +48,9 @@ ROOMS = {
     ),
     "search": Room(("phalanx/attacks/*.py",), "tests/unit/attacks"),
     "recording-reader": Room(
-        ("phalanx/recording/*.py",), "tests/unit/recording tests/unit/hostile/test_files.py"
+        ("phalanx/recording/*.py",),
+        "tests/unit/recording tests/unit/hostile/test_files.py"
+        " tests/unit/guarantee/test_disturbance_ledger.py",
     ),
     "identities": Room(
         ("phalanx/messages/*.py", "phalanx/hosts/authority.py"),

@@ -2,7 +2,6 @@
 
 import signal
 import sys
-import tomllib
 from concurrent.futures import Executor, Future
 
 import pytest
@@ -13,7 +12,7 @@ from phalanx.attacks.optimisers import OPTIMISERS
 from phalanx.attacks.runner import attack
 from phalanx.attacks.search import Options
 from phalanx.launcher import interrupt
-from phalanx.scenario.load import load, read_table, scenario_text
+from phalanx.scenario.load import scenario_text
 from phalanx.studies.store import StudyError
 from tests.layers import layered
 from tests.unit.attacks.weak import weak
@@ -211,10 +210,3 @@ def test_the_best_is_tried_again_on_fresh_seeds_which_alone_may_enter_an_interva
         assert not any(row.searched for row in find.fresh)
         assert find.row.searched
         assert find.fresh_interval is not None
-
-
-def test_a_table_as_text_is_the_same_scenario():
-    for name in ("guaranteed", "quadrotors", "faults/lie-input"):
-        table = read_table(name)
-        text = scenario_text(table)
-        assert load(tomllib.loads(text)) == load(table)

@@ -82,6 +82,7 @@ def little_memory():
     resource.setrlimit(resource.RLIMIT_AS, before)
 
 
+@pytest.mark.skipif(resource.getrlimit(resource.RLIMIT_AS)[0] > 0, reason="memory has a limit")
 @pytest.mark.parametrize(("engine", "times"), [("processes", 1), ("in-process", 0)])
 def test_libraries_are_loaded_ahead_for_processes_alone(asked: list[None], engine, times):
     assert status(["run", "nobody", "--engine", engine]) == USAGE_ERROR

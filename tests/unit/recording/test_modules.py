@@ -140,6 +140,15 @@ def test_malformed_modules_are_refused_in_one_line_and_nothing_is_written(
     assert set(tmp_path.rglob("*")) == before
 
 
+def test_a_module_that_differs_from_the_imported_one_is_refused_without_trust_too(
+    package, tmp_path
+):
+    scenario_of(package)
+    path = recording_with(tmp_path, {f"{package.name}/gains.py": b"GAIN = 2\n"})
+    with pytest.raises(UnreadableRecordingError, match=r"another .*gains\.py was imported before"):
+        read(path)
+
+
 OPEN_BOTH = """
 import sys
 from pathlib import Path
@@ -176,6 +185,6 @@ def test_modules_of_a_recording_that_is_not_trusted_are_put_nowhere(tmp_path, mo
     temporary.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
     before = list(sys.path)
-    read(recording_with(tmp_path, {"elsewhere.py": HARMLESS}), trust=False)
+    read(recording_with(tmp_path, {"elsewhere.py": HARMLESS}))
     assert sys.path == before
     assert not list(temporary.iterdir())

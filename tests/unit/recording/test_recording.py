@@ -22,6 +22,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import CompressionType
 from zstandard import ZstdCompressor
 
 from phalanx.faults.commands import Command, CommandKind
@@ -468,6 +469,14 @@ def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Pat
     log = Log(0.1, "agent e303 is lost")
     recording = read(write(tmp_path / RECORDING, large, SHOWN, log))
     assert (recording.steps, recording.step_data, recording.damage) == ([large], [SHOWN], None)
+
+
+def test_a_recording_whose_chunks_are_not_compressed_is_read_too(tmp_path: Path):
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer._writer._Writer__compression = CompressionType.NONE
+        writer.write(GOOD)
+        writer.finish(FIGURES)
+    assert (read(tmp_path).steps, read(tmp_path).damage) == ([GOOD], None)
 
 
 @pytest.mark.slow
