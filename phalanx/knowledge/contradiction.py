@@ -1,10 +1,11 @@
 """Contradictions: a stated state that its sender cannot have reached from an earlier one.
 
-Per axis, under inputs |u| <= Û, the ends (p, v) of p' = v, v' = u - βv after a time T are a convex
-set. Its border are inputs that switch once, at some s, from Û to -Û or back; what is pushed at s
-moves an end along (k, d), k = (1 - e^{-β(T-s)}) / β, d = e^{-β(T-s)}, to which (d, -k) is normal::
+Per axis, under inputs |u| <= Û, the ends of p' = v, v' = u - βv after a time T are a convex set.
+Its border are inputs that switch once, at some s, from Û to -Û or back. A push at s moves an end
+along (k, d), k = (1 - e^{-β(T-s)}) / β, d = e^{-β(T-s)}, to which (d, -k) is normal. So, with p
+and v the end less that without input, and r(t) the way after a time under an input of 1::
 
-    ± (d p - k v) <= ± (d p* - k v*),   (p*, v*) the end of the input that switches at s
+    |d p - k v| <= Û (d (r(s) - r(T - s)) + k²)
 
 Each s gives a necessary condition, so that the honest are never convicted; all of them together are
 sufficient. A disturbance φ adds to Û, and T ‖φ‖ to p. Where inputs are velocities, p has no other
@@ -13,7 +14,7 @@ bounds than T Û. Errors of both states, and of their times, are allowed for.
 
 import numpy as np
 
-from phalanx.knowledge.held import halves, moved
+from phalanx.knowledge.held import Held, halves, moved
 from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.sets import HeardState
 from phalanx.theory.arrays import Array
@@ -49,19 +50,17 @@ def unreached(motion: Motion, older: Array, newer: Array, time: Array, late: flo
         late: bound on the error of a time [s].
     """
     axes, push, time = motion.axes, motion.push, np.maximum(0.0, time)[:, None, None]
-    switches = _SWITCHES[-1:] if motion.jumps else _SWITCHES
-    first, last, whole = (motion.held(t) for t in (time * switches, time * (1.0 - switches), time))
-    fastest = np.abs(newer[:, axes:]).max(axis=1)[:, None, None] + motion.speed_error + late * push
-    if motion.jumps:
-        fastest = np.full_like(time, push)
-    p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error
-    p_error = p_error + (time + late) * motion.disturbance + late * fastest
+    # Where inputs are velocities, none of them has to switch.
+    first = motion.held(time * (_SWITCHES[::8] if motion.jumps else _SWITCHES))
+    decay, speed, reach = (factor[:, ::-1] for factor in first)  # those of T - s
+    whole = Held(*(factor[:, -1:] for factor in first))
+    p, v = halves(newer[:, None] - moved(older[:, None], np.zeros(axes), whole))
+    fastest = push if motion.jumps else np.abs(newer[:, axes:]).max(axis=1)[:, None, None]
+    fastest = fastest + motion.speed_error + late * push
+    p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error + late * fastest
+    p_error = p_error + (time + late) * motion.disturbance
     v_error = motion.speed_error + late * (push + motion.drag * fastest)
-    pushed, beyond = np.array(push), np.full(newer[:, None, :axes].shape, -np.inf)
-    for sign in (1.0, -1.0):
-        ends = moved(moved(older[:, None], sign * pushed, first), -sign * pushed, last)
-        p, v = halves(sign * (newer[:, None] - ends))
-        beyond = np.maximum(beyond, last.decay * p - last.speed * v)
-    outside = beyond - last.decay * p_error - last.speed * v_error
+    pushed = push * np.abs(decay * (first.reach - reach) + speed * speed)
+    outside = np.abs(decay * p - speed * v) - pushed - decay * p_error - speed * v_error
     most: Array = outside.max(axis=(1, 2)) - _CLOSE * (1.0 + length(newer))
     return most
