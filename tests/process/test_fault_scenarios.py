@@ -113,6 +113,7 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "robot": lambda run: failed(run, "sampling gap") > 5 and failed(run, "inputs in time") > 20,
     "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
     "slot": in_slots,
+    "trace": lambda run: 0.1 < lost(run) < 0.3 and slow(run) > 0.05,
     "turn": lambda run: (
         [v.pair for v in run.summary.excluded] == ["1-4"] and logged(run, "1 turned adversary")
     ),

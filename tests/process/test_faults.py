@@ -18,6 +18,7 @@ FAULTS = {
     "duplicate": {"network.duplicate": 0.2},
     "corrupt": {"network.corrupt": 0.2},
     "reorder": {"network.delay": 0.02, "network.reorder": {"probability": 0.3}},
+    "trace": {"network.trace": {"t": [0.0, 0.1, 0.2], "delay": [0.0, 0.02, -1.0]}},
     "rate": {"network.rate": {"bits_per_second": 1e5}},
     "slot": {"network.slot": 0.04},
     "partition": {"faults": [{"kind": "partition", "at": 0.2, "for": 0.2, "groups": [["1"]]}]},

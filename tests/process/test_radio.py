@@ -17,6 +17,7 @@ NETWORKS = {
         "network.duplicate": 0.2,
         "network.corrupt": 0.2,
         "network.reorder": {"probability": 0.9, "gap": 2},
+        "network.trace": {"t": [0.0, 0.4, 0.7], "delay": [0.0, 0.03, -1.0]},
         "network.rate": {"bits_per_second": 2e5, "limit": 10},
         "network.slot": 0.02,
         "faults": [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}],
