@@ -143,8 +143,11 @@ def test_mcaps_own_reader_reads_it(whole, tmp_path):
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         topics = [channel.topic for _, channel, _ in reader.iter_messages()]
+        times = [message.log_time for *_, message in reader.iter_messages()]
         schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
+        said = reader.get_summary().statistics
         attached = {a.name for a in reader.iter_attachments()}
+    assert (said.message_start_time, said.message_end_time) == (min(times), max(times))
     assert (topics.count("/state"), topics.count("/step"), topics.count("/log")) == (900, 900, 1)
     kinds = [f"phalanx.{name}" for name in ("State", "Step", "Shown", "Log", "Command")]
     assert schemas == dict.fromkeys(kinds, "jsonschema")
@@ -469,6 +472,7 @@ def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Pat
     log = Log(0.1, "agent e303 is lost")
     recording = read(write(tmp_path / RECORDING, large, SHOWN, log))
     assert (recording.steps, recording.step_data, recording.damage) == ([large], [SHOWN], None)
+    assert not recording.step_data[0].adversary
 
 
 def test_a_recording_whose_chunks_are_not_compressed_is_read_too(tmp_path: Path):
