@@ -164,7 +164,8 @@ def test_a_study_with_a_broken_run_says_so_and_ends_with_3(killer, tmp_path, cap
     assert status(command) == 3
     first, *lines, last = capsys.readouterr().err.splitlines()
     assert re.fullmatch(r"unicycles .* 0/2 .*", first)
-    assert all(re.fullmatch(r"unicycles .* [12]/2 1 \w+.*", line) for line in lines)
+    # On a busy machine there are lines before the first row.
+    assert all(re.fullmatch(r"unicycles .* (0/2|[12]/2 1 \w+).*", line) for line in lines)
     assert last.startswith("broken: 1 of 2 runs, see the page")
     assert status(["study", "open", str(tmp_path / "study")]) == 3
     assert status(command) == 0
