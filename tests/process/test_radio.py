@@ -44,10 +44,11 @@ def test_whatever_happens_to_states_on_their_way_the_trajectory_is_one(changes: 
     assert runs[0].summary.notes == [], "every fault had an effect"
 
 
-def test_agents_whose_inputs_are_velocities_have_one_trajectory_too() -> None:
+@pytest.mark.parametrize("name", ["crossing-radio", "warehouse-radio"])
+def test_agents_whose_inputs_are_velocities_have_one_trajectory_too(name: str) -> None:
     fewer = {"duration": 1.5, "agents.0.disturbance.kind": "adverse"}
     faults = [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}]
-    runs = on_both_engines(phalanx.load("crossing-radio", {**fewer, "faults": faults}))
+    runs = on_both_engines(phalanx.load(name, {**fewer, "faults": faults}))
     assert runs[0].summary.outcome is phalanx.Outcome.GUARANTEED
 
 
