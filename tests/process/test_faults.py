@@ -52,7 +52,9 @@ def calm(tmp_path_factory) -> tuple:
     return effects(run({}, tmp_path_factory.mktemp("calm")))
 
 
-SHIPPED = ("loss", "bursts", "delay", "corrupt", "reorder", "rate", "slot", "partition", "link")
+SHIPPED = (
+    "loss", "bursts", "delay", "corrupt", "reorder", "trace", "rate", "slot", "partition", "link",
+)  # fmt: skip
 """Also in test_fault_scenarios.py: theirs are left to nightly."""
 
 
