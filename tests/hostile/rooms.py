@@ -24,7 +24,8 @@ ROOMS = {
     ),
     "certificate": Room(
         ("phalanx/guarantee/*.py",),
-        "tests/unit/guarantee tests/unit/plant/test_claims.py tests/process/verdicts/test_check.py",
+        "tests/unit/guarantee tests/unit/plant/test_claims.py tests/unit/plant/test_judge.py"
+        " tests/unit/plant/test_real_time.py tests/process/verdicts/test_check.py",
     ),
     "proven-filter": Room(
         ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee"

@@ -107,25 +107,6 @@ def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composi
     assert f"The margin η = {value.removesuffix(' m²/s')} is below the {number} of the" in words
 
 
-@pytest.mark.parametrize(
-    ("kind", "information", "warned"),
-    [
-        ("hijack", "split", True),
-        ("turn", "split", True),
-        ("hijack", "in-flight", True),
-        ("turn", "in-flight", False),
-        ("hijack", "unknown", False),
-        ("hijack", "worst-case", False),
-    ],
-)
-def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(check, kind, information, warned):
-    fault = f"faults=[{{ kind = '{kind}', at = 0.4, agents = ['1'] }}]"
-    rows = f"safety.information={information}", "safety.composition=pairs"
-    settings = "--set", fault, "--set", rows[0], "--set", rows[1]
-    _, _, _, words = check("faults/hijack", *settings)
-    assert ("make adversaries of 1, and rows count on" in words) is warned
-
-
 @pytest.mark.nightly
 def test_numbers_have_no_powers_of_ten(check):
     _, _, table, words = check("unicycles", "--set", "agents.0.clock.period=0.1")

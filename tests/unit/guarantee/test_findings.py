@@ -71,6 +71,39 @@ def test_the_table_asks_for_the_setting_that_the_sentence_asks_for(report, setti
     ],
 )
 def test_a_network_that_changes_nothing_is_named_before_the_run(report, name, changes, says):
+    assert ("change nothing here" in words_of(report, name, *changes)) is says
+
+
+def words_of(report: CheckReport, name: str, *changes: str) -> str:
     listed = findings(swarm_of_scenario(name, *changes), report, [], None)
-    words = " ".join(sentence for finding in listed for sentence in finding.words)
-    assert ("change nothing here" in words) is says
+    return " ".join(sentence for finding in listed for sentence in finding.words)
+
+
+@pytest.mark.parametrize(
+    ("kind", "information", "warned"),
+    [
+        ("hijack", "split", True),
+        ("turn", "split", True),
+        ("hijack", "in-flight", True),
+        ("turn", "in-flight", False),
+        ("hijack", "unknown", False),
+        ("hijack", "worst-case", False),
+    ],
+)
+def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(report, kind, information, warned):
+    fault = f"faults=[{{ kind = '{kind}', at = 0.4, agents = ['1'] }}]"
+    rows = f"safety.information={information}", "safety.composition=pairs"
+    words = words_of(report, "faults/hijack", fault, *rows)
+    assert ("make adversaries of 1, and rows count on" in words) is warned
+
+
+@pytest.mark.parametrize(
+    ("q", "gap", "margin", "sampling", "theorem"),
+    [(1, None, "(24)", "no time is proven", "Th. 2"), (2, 0.5, "(42)", "at most 500 ms", "Th. 5")],
+)
+def test_each_requirement_names_its_equation(report, q, gap, margin, sampling, theorem):
+    listed = findings(SWARM, replace(report, relative_degree=q, largest_gap=gap), [], None)
+    rows = {finding.row.name: finding.row for finding in listed if finding.row}
+    assert rows["margin η, by the formula"].equation == margin
+    assert rows["an input is in force for"].allowed == sampling
+    assert rows["gaps in the theorem's proof"].equation == theorem
