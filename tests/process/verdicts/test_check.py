@@ -89,12 +89,6 @@ def test_an_alpha_that_serves_is_proposed_where_a_proof_is_asked_for(margin, gai
     assert not alpha_advice(swarm_of_scenario("unicycles"))
 
 
-def test_the_relative_degree_and_the_start_are_those_of_the_chain():
-    report = checked("disturbance-gap")
-    assert report.relative_degree == 2
-    assert report.worst_at_start == pytest.approx(max(25 - 81, 9.8 + 1.5 * (25 - 81)))
-
-
 def test_it_says_what_is_taken_for_granted_of_roles_unless_no_role_is_read(guaranteed):
     granted = "Taken for granted: agents know who is an adversary"
     (sentence,) = [word for word in guaranteed.words if word.startswith(granted)]

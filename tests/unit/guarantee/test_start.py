@@ -3,16 +3,21 @@
 import re
 from pathlib import Path
 
+import casadi as ca
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.guarantee import start
 from phalanx.guarantee.certificate import highest_within
-from phalanx.guarantee.start import Promise, promised, rows_at_start
+from phalanx.guarantee.certificates import SwarmCertificates, certified_for
+from phalanx.guarantee.start import Promise, certified_start, promised, rows_at_start
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.safety.function import Body, Separation
+from tests.unit.swarms import swarm_of_scenario
 
 ATTACKS = sorted((Path(__file__).parents[3] / "scenarios" / "attacks").glob("*.toml"))
 
@@ -76,3 +81,25 @@ def test_an_agent_that_sees_no_other_may_apply_any_input():
     alone = {**far, "safety.composition": "pairs", "safety.neighbourhood": 5.0}
     scenario = load("one-on-one", {**alone, "agents.1.start": [[0.0, 500.0]]})
     assert rows_at_start(build_rows(build_swarm(scenario))) == {"1": True, "3": True}
+
+
+class Striped(Separation):
+    """A function with an operation that has no interval rule."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return super().between(a, b) - 1e-9 * ca.fmod(a.p[0], 2.0)
+
+
+def test_a_pair_that_no_input_can_certify_is_named_with_the_reason():
+    striped = f'safety.function={{ type = "{__name__}:Striped", radius = 1.0 }}'
+    certified = certified_start(swarm_of_scenario("one-on-one", striped))
+    assert "no interval rule for the operation fmod" in certified.refused["1-2"]
+    assert not certified.holds
+
+
+def test_a_controller_is_told_for_how_long_all_pairs_in_sight_are_certified():
+    swarm, u = swarm_of_scenario("one-on-one", "agents.1.start=[[0.0, -1.02]]"), np.zeros(2)
+    certificates, certified = SwarmCertificates(swarm).of(0), certified_for(swarm, 0)
+    (time,) = certificates(swarm.start(), u)
+    assert 0.0 < certified(swarm.start(), u, [0, 1]) == time < certificates.longest
+    assert certified(swarm.start(), u, [0]) == certificates.longest

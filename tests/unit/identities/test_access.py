@@ -35,13 +35,6 @@ def test_no_two_rules_are_the_same():
     assert len({rule["id"] for rule in RULES["rules"]}) == len(contents)
 
 
-def test_agents_share_the_rules_in_which_no_agent_is_named():
-    shared = [rule for rule in rules_of("4") if rule in rules_of("5")]
-    assert shared
-    for rule in rules_of("4"):
-        assert any("4" in key.split("/") for key in rule["key_exprs"]) != (rule in shared)
-
-
 def test_an_agent_may_do_nothing_in_the_name_of_another():
     for rule in rules_of("4"):
         assert not {"5", "6"} & {chunk for key in rule["key_exprs"] for chunk in key.split("/")}
