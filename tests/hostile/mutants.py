@@ -246,7 +246,7 @@ MUTANTS = (
     Mutant("a peer that stands still during the hold", f"{_KNOWLEDGE}/cones.py",
            "+ motions.authority + own.drag", "+ own.drag", f"{_TEST_KNOWLEDGE}/test_spending.py"),
     Mutant("cones as of the begin of a piece", f"{_KNOWLEDGE}/cones.py",
-           "(0.5 * end * end)", "(0.5 * begin * begin)", f"{_TEST_KNOWLEDGE}/test_spending.py"),
+           "0.5 * end * end)", "0.5 * begin * begin)", f"{_TEST_KNOWLEDGE}/test_spending.py"),
     Mutant("an own part at the begin of a piece", f"{_KNOWLEDGE}/spending.py",
            "motion.longest * faster)[:, 1:]", "motion.longest * faster)[:, :-1]",
            f"{_TEST_KNOWLEDGE}/test_spending.py"),

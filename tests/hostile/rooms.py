@@ -56,7 +56,7 @@ ROOMS = {
     "identities": Room(
         ("phalanx/messages/*.py", "phalanx/hosts/authority.py"),
         "tests/unit/identities tests/unit/messages tests/unit/hosts"
-        " tests/unit/hostile/test_messages.py tests/unit/profile tests/unit/network/test_rules.py",
+        " tests/unit/hostile/test_messages.py tests/unit/network/test_rules.py",
     ),
     "cli-status": Room(
         ("phalanx/cli/*.py", "phalanx/launcher/verify.py", "phalanx/launcher/interrupt.py"),
