@@ -107,3 +107,10 @@ def test_each_requirement_names_its_equation(report, q, gap, margin, sampling, t
     assert rows["margin η, by the formula"].equation == margin
     assert rows["an input is in force for"].allowed == sampling
     assert rows["gaps in the theorem's proof"].equation == theorem
+
+
+def test_a_pair_that_cannot_be_certified_is_named(report):
+    certified = CertifiedStart(True, {"1-2": "a reason"}, {"1": True})
+    listed = findings(SWARM, replace(report, certified=certified), [], None)
+    words = [sentence for finding in listed for sentence in finding.words]
+    assert "No guarantee: 1-2 cannot be certified: a reason." in words
