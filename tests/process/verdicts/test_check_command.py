@@ -107,13 +107,6 @@ def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composi
     assert f"The margin η = {value.removesuffix(' m²/s')} is below the {number} of the" in words
 
 
-@pytest.mark.nightly
-def test_numbers_have_no_powers_of_ten(check):
-    _, _, table, words = check("unicycles", "--set", "agents.0.clock.period=0.1")
-    assert re.fullmatch(r"at least \d\d \d00 m²/s", table["margin η, by the formula"][1])
-    assert not re.search(r"\de[+-]\d", words)
-
-
 def test_what_does_not_hold_stands_out():
     table = phalanx.check("unicycles").table
     assert {row.name for row in table if not row.holds} == {

@@ -85,6 +85,11 @@ def double_integrators(gain: float) -> PairCertificate:
     return certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, gain])
 
 
+def test_two_that_part_are_certified_for_longer_by_their_chain_than_by_h_alone():
+    x = np.array([1.005, 0.0, 1.135, -0.464, 0.0, 0.0, 0.0, 0.0])
+    assert held(double_integrators(1.0), x, np.array([2.0, -2.0])) > 2.5 * TAU
+
+
 class Jumping:
     """Separation, and a term that jumps above zero where a's x passes 1."""
 

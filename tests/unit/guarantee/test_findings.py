@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
-from phalanx.guarantee.findings import Unknown, findings
+from phalanx.guarantee.findings import Unknown, findings, rounded
 from phalanx.guarantee.start import CertifiedStart
 from tests.unit.swarms import checked, swarm_of_scenario
 
@@ -114,3 +114,7 @@ def test_a_pair_that_cannot_be_certified_is_named(report):
     listed = findings(SWARM, replace(report, certified=certified), [], None)
     words = [sentence for finding in listed for sentence in finding.words]
     assert "No guarantee: 1-2 cannot be certified: a reason." in words
+
+
+def test_numbers_have_three_figures_and_no_power_of_ten():
+    assert [rounded(v) for v in (0.012345, 8.0566, 36912.0)] == ["0.0123", "8.06", "36 900"]

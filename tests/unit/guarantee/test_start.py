@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from phalanx.guarantee import start
 from phalanx.guarantee.certificate import highest_within
 from phalanx.guarantee.certificates import SwarmCertificates, certified_for
-from phalanx.guarantee.start import Promise, certified_start, promised, rows_at_start
+from phalanx.guarantee.start import (
+    Promise,
+    certified_start,
+    longest_certificate,
+    promised,
+    rows_at_start,
+)
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -103,3 +109,11 @@ def test_a_controller_is_told_for_how_long_all_pairs_in_sight_are_certified():
     (time,) = certificates(swarm.start(), u)
     assert 0.0 < certified(swarm.start(), u, [0, 1]) == time < certificates.longest
     assert certified(swarm.start(), u, [0]) == certificates.longest
+
+
+@pytest.mark.parametrize(("latency", "flees"), [(0.0, True), (0.004, False)])
+def test_a_start_is_certified_by_fleeing_unless_zero_is_held_at_first(latency, flees):
+    chased = "agents.1.start=[[0.0, -1.02]]", f"time.latency={latency}"
+    swarm = swarm_of_scenario("one-on-one", *chased)
+    (at_rest,) = SwarmCertificates(swarm).of(0)(swarm.start(), np.zeros(2))
+    assert (longest_certificate(swarm, 0, swarm.start()) > at_rest) == flees

@@ -14,7 +14,7 @@ from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import STEEPEST, IntegratedMargin
 from phalanx.theory.margins.local import UNKNOWN, LocalMargin
-from phalanx.theory.margins.margin import PairRow, RowPart
+from phalanx.theory.margins.margin import PairRow, PaperMargin, RowPart
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.wheeled import Unicycle
@@ -283,3 +283,11 @@ def test_over_a_gap_the_bend_counts_half():
     chain = chain_of_integrators(Separation(1.0), 1e-9, 1.0, adversary=True)
     margin = margin_at([3.0, 0.0, 0.0, 0.0], IntegratedMargin(), chain, RowPart.WHOLE, TAU)
     assert margin == pytest.approx(TAU / 2 * 4.0 + ACTUATION * (6.0 + 6.0), rel=1e-3)
+
+
+def test_half_of_a_row_has_half_of_the_chains_disturbance():
+    chain = build_chain(pair_of([DoubleIntegrator(1.0)] * 2), [1.0, 1.0], None, PHI)
+    rows = (PairRow(chain, 0, part, TAU, PHI) for part in (RowPart.WHOLE, RowPart.HALF))
+    both = ca.vertcat(*[PaperMargin().at_sample(row) for row in rows])
+    whole, half = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
+    assert half == 0.5 * whole > 0.0
