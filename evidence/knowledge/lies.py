@@ -19,7 +19,7 @@ from tests.unit.knowledge.adverse import draw_motion
 
 PARTS, BATCH = 12, 10_000
 PHI, PLACE, SPEED, STAMP = 0.1, 0.02, 0.05, 0.01
-LIES = {
+LIES: dict[str, dict[str, object]] = {
     "shift = [2, 0, 0, 0]": {"shift": [2.0, 0.0, 0.0, 0.0]},
     "drift = [0.5, 0, 0, 0]": {"drift": [0.5, 0.0, 0.0, 0.0]},
     "replay = 20": {"replay": 20},
@@ -60,29 +60,32 @@ def honest(seed: int) -> Array:
         u = np.where(rng.random(size) < 0.5 * (seed % 2), rng.uniform(-1.0, 1.0, size) * u, u)
         x = moved(x, u + pushed[:, axes:], factors)
         x[:, :axes] += pushed[:, :axes] * time[:, None] / PARTS
-    stated = [
+    older, newer = (
         state + np.hstack([on_sphere(PLACE, BATCH, axes, rng), on_sphere(SPEED, BATCH, axes, rng)])
         for state in (before, x)
-    ]
+    )
     stamps = STAMP * rng.choice([-1.0, 1.0], (2, BATCH))
-    return unreached(motion, *stated, time + stamps[1] - stamps[0], 2.0 * STAMP)
+    return unreached(motion, older, newer, time + stamps[1] - stamps[0], 2.0 * STAMP)
 
 
 def on_sphere(radius: float, count: int, axes: int, rng: np.random.Generator) -> Array:
     """Return vectors of this size, shape (count, axes)."""
-    directions = rng.normal(size=(count, axes))
-    return radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    directions: Array = rng.normal(size=(count, axes))
+    lengths: Array = np.linalg.norm(directions, axis=1, keepdims=True)
+    return radius * directions / lengths
 
 
 def row(lie: dict[str, object], seeds: int) -> str:
     """Run a lie with each seed, and return its row."""
     fault = {"kind": "lie", "agent": "2", "at": 1.0, "for": 99.0, **lie}
-    found, by, first, falsely, held_in, violated = 0, 0, [], 0, 0, 0
+    first: list[float] = []
+    found, by, falsely, held_in, violated = 0, 0, 0, 0, 0
     for seed in range(seeds):
         partition, *_ = phalanx.load("radio").model_dump(mode="json", by_alias=True)["faults"]
         partition = {key: value for key, value in partition.items() if value is not None}
         scenario = phalanx.load("radio", {"duration": 2.5, "faults": [partition, fault]}, seed=seed)
         summary = phalanx.run(scenario, engine="in-process").summary
+        assert summary is not None
         assert summary.trust is not None
         after = [c.after for c in summary.trust.convictions if c.after is not None]
         found, by, first = found + bool(after), by + len(after), first + after[:1]
