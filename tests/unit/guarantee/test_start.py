@@ -103,7 +103,7 @@ def test_a_pair_that_no_input_can_certify_is_named_with_the_reason():
     assert not certified.holds
 
 
-def test_a_controller_is_told_for_how_long_all_pairs_in_sight_are_certified():
+def test_a_controller_asks_for_how_long_all_pairs_in_sight_are_certified():
     swarm, u = swarm_of_scenario("one-on-one", "agents.1.start=[[0.0, -1.02]]"), np.zeros(2)
     certificates, certified = SwarmCertificates(swarm).of(0), certified_for(swarm, 0)
     (time,) = certificates(swarm.start(), u)
