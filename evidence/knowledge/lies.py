@@ -8,6 +8,7 @@ both states and of their times are at their bounds. Runs are of the scenario `ra
 """
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,9 +48,7 @@ def honest(seed: int) -> Array:
     """Return the excess of true windows of one motion, shape (BATCH,)."""
     rng = np.random.default_rng(seed)
     drawn = draw_motion(rng)
-    motion = type(drawn)(
-        **{**vars(drawn), "disturbance": PHI, "position_error": PLACE, "speed_error": SPEED}
-    )
+    motion = replace(drawn, disturbance=PHI, position_error=PLACE, speed_error=SPEED)
     axes, size = motion.axes, (BATCH, motion.axes)
     time, before = rng.uniform(0.0, 2.0, BATCH), 3.0 * rng.normal(size=(BATCH, 2 * axes))
     signs, changes = rng.choice([-1.0, 1.0], size), rng.integers(0, PARTS + 1, size)
