@@ -58,9 +58,9 @@ def radio_reach(swarm: Swarm) -> RadioReach | None:
         number = swarm.group_numbers[i]
         speeds[number] = max(speeds[number], _speed(swarm, i))
     pairs = [(a, b) for (a, _), (_, b) in combinations_with_replacement(groups, 2) if a != b]
-    found = [_reach(swarm, a, b, speeds) for a, b in pairs]
-    found = [reach for reach in found if reach.speed > 0.0]
-    return max(found, key=lambda reach: reach.ratio, default=None)
+    reaches = [_reach(swarm, a, b, speeds) for a, b in pairs]
+    reaches = [reach for reach in reaches if reach.speed > 0.0]
+    return max(reaches, key=lambda reach: reach.ratio, default=None)
 
 
 def _reach(swarm: Swarm, i: int, l: int, speeds: dict[int, float]) -> RadioReach:
@@ -83,9 +83,9 @@ def _speed(swarm: Swarm, i: int) -> float:
     states = {l: x[part] for l, part in enumerate(parts)}
     goal, times = swarm.goal(i), np.linspace(0.0, swarm.scenario.duration, _TIMES)
     law = getattr(swarm.groups[i].law_object(), "speed", 0.0)
-    own = float(length(agent_point(swarm, i).of(states[i])[swarm.groups[i].axes :]))
+    speed = float(length(agent_point(swarm, i).of(states[i])[swarm.groups[i].axes :]))
     moving = max(float(length(goal(t, states).velocity)) for t in times.tolist())
-    return max(own, moving, law if isinstance(law, float | int) else 0.0)
+    return max(speed, moving, law if isinstance(law, float | int) else 0.0)
 
 
 def _median_age(swarm: Swarm, sender: int, receiver: int) -> float:

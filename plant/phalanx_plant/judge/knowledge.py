@@ -89,9 +89,9 @@ class Knowledge:
             statements = self._relays.get((fate.sender, fate.k))
             if statements is None or fate.claim is None:
                 continue
-            (_, own), *others = statements
+            (_, direct), *others = statements
             x = np.array(fate.claim.x)
-            stated = own._replace(x=x, true=bool((x == own.x).all()))
+            stated = direct._replace(x=x, true=bool((x == direct.x).all()))
             for l, statement in [(fate.sender, stated), *others]:
                 newest = known[l].k if l in known else -1
                 if statement.k > newest and l != i and l not in self._convicted[i]:
@@ -104,16 +104,16 @@ class Knowledge:
             return
         heard = [(l, s) for l, s in self._known[i].items() if s.k >= 0]
         heard.sort(key=lambda item: (-item[1].t, item[0]))
-        own = i, _Statement(k, t, x[parts[i]].copy(), True)
-        self._relays[i, k] = [own, *heard[: radio.relays]]
+        statement = i, _Statement(k, t, x[parts[i]].copy(), True)
+        self._relays[i, k] = [statement, *heard[: radio.relays]]
         self._relays.pop((i, k - _KEPT * radio.every), None)
 
     def _check(self, i: int, t: float, x: Array, turned: Set[int], late: float) -> None:
         """Check what agent i knows at t [s]; late: bound on the error of a statement's time [s]."""
-        known, parts, alike = self._known[i], self._swarm.safe_set.parts, defaultdict(list)
+        known, parts, by_motion = self._known[i], self._swarm.safe_set.parts, defaultdict(list)
         for l in known:
-            alike[self._motions[l]].append(l)
-        for motion, peers in alike.items():
+            by_motion[self._motions[l]].append(l)
+        for motion, peers in by_motion.items():
             older = np.array([self._points[l].of(known[l].x) for l in peers])
             newer = np.array([self._points[l].of(x[parts[l]]) for l in peers])
             ages = np.array([t - known[l].t for l in peers])
