@@ -122,6 +122,8 @@ class PeerKnowledge:
         if older is not None and excess > 0.0 and l not in self.convicted:
             self.convicted.add(l)
             self.convictions.append(Conviction(l, older.point.t, newer.point.t, excess))
+            # No announced input is counted on any more: a share of a gap is that of an honest peer.
+            self._newest[l] = older._replace(point=older.point._replace(t_apply=math.inf))
         if l not in self.convicted:
             self._newest[l] = newer
 

@@ -164,6 +164,7 @@ def test_one_that_contradicts_itself_is_convicted_once_and_its_last_word_before_
         assert len(knowledge.convictions) == convictions
     assert knowledge.convicted == {1}
     assert knowledge.heard[1].t == pytest.approx(4.1)
+    assert knowledge.heard[1].t_apply > 4.3, "so that it has no share of a gap"
 
 
 def test_one_that_takes_over_in_the_middle_of_a_run_knows_no_peer_until_it_has_heard_it():
