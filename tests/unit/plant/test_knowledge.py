@@ -35,6 +35,10 @@ BROKEN = {
     "an error that is declared": (wrong_sensor(0.05, 0.06), None),
     "an error that is not": (wrong_sensor(3.0, 0.0), "of 2, which stated a false place"),
     "a hijack": ({"faults": [{"kind": "hijack", **OF_TWO}]}, "of 2, which attacks"),
+    "a stuck actuator": (
+        {"faults": [{"kind": "actuator", "for": 0.3, **OF_TWO}]},
+        "of 2, which held an input for too long",
+    ),
     "a kill": ({"faults": [{"kind": "kill", **OF_TWO}]}, "of 2, which held an input for too long"),
 }
 
