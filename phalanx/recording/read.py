@@ -180,10 +180,10 @@ def misfit(recording: Recording) -> str | None:
     for state in recording.states:
         if len(state.x) != width:
             return f"a state at t = {state.t:.3f} s of {len(state.x)} numbers, expected {width}"
-    for step in recording.steps:
-        if not _fits(step, inputs):
-            return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
     sizes = {name: len(model.states) for name, model in dynamics.items()}
+    for step in recording.steps:
+        if not _fits(step, inputs, sizes):
+            return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
     for data in recording.step_data:
         if not _could_be_shown(data, sizes, inputs):
             return f"what agent {data.agent!r} was shown at t = {data.t:.3f} s has wrong fields"
@@ -193,7 +193,7 @@ def misfit(recording: Recording) -> str | None:
     return None
 
 
-def _fits(step: Step, inputs: dict[str, int]) -> bool:
+def _fits(step: Step, inputs: dict[str, int], sizes: dict[str, int]) -> bool:
     size = inputs.get(step.agent)
     named = (*step.ages, *step.fates, *step.faults, *step.false, *step.false_states)
     senders = [sender for sender, *_ in named]
@@ -202,6 +202,7 @@ def _fits(step: Step, inputs: dict[str, int]) -> bool:
         and len(step.u_nom) in (0, size)
         and inputs.keys() >= set(senders)
         and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
+        and all(len(x) == sizes[sender] for sender, _, x in step.false_states)
     )
 
 

@@ -13,9 +13,9 @@ from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.messages.step_report import StepReport
-from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
+from phalanx.network.inbox import Conviction, DeliveryReport
+from phalanx.recording.fates import RecordedFates
 from phalanx.recording.read import Recording, UnreadableRecordingError, swarm_of
-from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
@@ -57,11 +57,12 @@ class RecordedAgents(NoProcesses):
         index = self._index = {name: i for i, name in enumerate(swarm.names)}
         self._swarm, self._newest = swarm, dict[int, int]()
         """The latter: by agent, the number of its newest sample."""
-        self._steps = {(index[step.agent], step.k): step for step in recording.steps}
+        recorded = RecordedFates(recording, swarm)
+        self._steps = recorded.steps
         self._fates = [deque[DeliveryReport]() for _ in swarm.names]
         """By receiver, those of broadcasts that no sample has counted yet."""
         for step in recording.steps:
-            self._fates[index[step.agent]] += self._fates_in(step)
+            self._fates[index[step.agent]] += recorded.of(step)
         self._convictions = defaultdict[tuple[int, float], list[Conviction]](list)
         """By agent and time of its sample [s]."""
         for c in summary.trust.convictions if summary.trust else ():
@@ -110,23 +111,3 @@ class RecordedAgents(NoProcesses):
 
     def publish_status(self, message: object) -> None:
         """Do nothing."""
-
-    def _fates_in(self, step: Step) -> list[DeliveryReport]:
-        """Return the fates in a step, each with its claim: the truth, unless it is recorded."""
-        links, latency = self._swarm.links, self._swarm.time.latency
-        states = {(name, k): tuple(x) for name, k, x in step.false_states}
-        false = {
-            (name, k): AnnouncedInput(t, tuple(u), states.get((name, k), ()))
-            for name, k, t, u in step.false
-        }
-        faults = {(name, k): names for name, k, names in step.faults}
-        fates = []
-        for name, k, delay in step.fates:
-            origin, claim = self._steps.get((self._index[name], k)), false.get((name, k))
-            if claim is None and origin is not None and delay >= 0.0:
-                claim = AnnouncedInput(origin.t + latency, origin.u)
-            # The judge finds lies by itself.
-            numbers = [links.declared.index(fault) for fault in faults.get((name, k), ())]
-            of_links = tuple(n for n in numbers if n not in links.lies(name).declared)
-            fates.append(DeliveryReport(self._index[name], k, delay, of_links, claim))
-        return fates

@@ -403,6 +403,7 @@ MISFITS = {
     "an age of nobody": msgspec.structs.replace(GOOD, ages=[("9", 0.0)]),
     "a broadcast of nobody": msgspec.structs.replace(GOOD, fates=[("9", 0, 0.0)]),
     "a false claim of another size": msgspec.structs.replace(GOOD, false=[("2", 0, 0.0, [0.0])]),
+    "a false state of another size": msgspec.structs.replace(GOOD, false_states=[("2", 0, [0.0])]),
     "a command to nobody": Command(0.1, CommandKind.KILL, "9"),
     **{
         f"shown: {change}": msgspec.structs.replace(SHOWN, **change)

@@ -1,0 +1,125 @@
+"""Beliefs by radio: what agents knew of their peers, followed again from a recording."""
+
+from collections import defaultdict
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.faults.commands import ProcessChange
+from phalanx.recording.curves.series import Series
+from phalanx.recording.fates import RecordedFates
+from phalanx.recording.read import Recording
+from phalanx.swarm.radio import PeerKnowledge
+from phalanx.swarm.statements import OwnStatement, StatementLedger
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
+
+
+class Belief(NamedTuple):
+    """What an agent believes of where a peer is."""
+
+    peer: int
+    age: float
+    """Time since the state that was heard of it was sampled [s]."""
+    centre: Array
+    """Its output point [m], shape (axes,)."""
+    corners: Array
+    """The least and the largest that it can be [m], shape (2, axes); twice the centre where one
+    state is taken for the truth."""
+    used: bool
+    """Whether the last input of the agent counted on its state."""
+
+
+class News(NamedTuple):
+    """A statement that came to an agent."""
+
+    t: float
+    """Time of the agent's sample [s]."""
+    peer: int
+    said: OwnStatement | None
+    """None: the agent forgot what it knew."""
+    relayed: bool = False
+
+
+class Beliefs:
+    """What each agent with a radio believed, at any time.
+
+    With `time.recording_step`, statements have the states that were recorded last.
+    """
+
+    def __init__(self, recording: Recording, swarm: Swarm) -> None:
+        self._swarm, self._ledger = swarm, StatementLedger(swarm)
+        self._index = {name: i for i, name in enumerate(swarm.names)}
+        self.news = {
+            i: [News(0.0, l, said) for l, said in known.items()]
+            for i, known in self._ledger.known.items()
+        }
+        """By agent, in order."""
+        self._used = defaultdict[int, list[set[int]]](list)
+        self.sampled = defaultdict[int, list[float]](list)
+        """By agent, times of its recorded samples [s]."""
+        self._follow(recording)
+
+    def _follow(self, recording: Recording) -> None:
+        fates, times, x = RecordedFates(recording, self._swarm), recording.times, recording.x
+        trust, direct = recording.summary and recording.summary.trust, set[tuple[int, int, int]]()
+        convictions = trust.convictions if trust else []
+        restarts = [
+            c for c in recording.commands if c.effect and c.effect.process is ProcessChange.STARTS
+        ]
+        for step in sorted(recording.steps, key=lambda step: step.t):
+            i = self._index[step.agent]
+            if i not in self.news:
+                continue
+            while restarts and restarts[0].t <= step.t:
+                self._restart(restarts[0].t, self._index[restarts.pop(0).agent])
+            of_step, before = fates.of(step), dict(self._ledger.known[i])
+            direct |= {(i, fate.sender, fate.k) for fate in of_step if fate.claim}
+            state = x[max(int(np.searchsorted(times, step.t, side="right")) - 1, 0)]
+            own = state[self._swarm.safe_set.parts[i]].tolist()
+            convicted = [
+                self._index[c.of] for c in convictions if (c.by, c.t) == (step.agent, step.t)
+            ]
+            self._ledger.sampled(i, step.t, step.k, own, of_step, convicted)
+            self.news[i] += [
+                News(step.t, l, said, (i, l, said.k) not in direct)
+                for l, said in self._ledger.known[i].items()
+                if said is not before.get(l)
+            ]
+            self.sampled[i].append(step.t)
+            self._used[i].append({self._index[name] for name, _ in step.ages})
+
+    def _restart(self, t: float, i: int) -> None:
+        self.news[i] += [News(t, l, None) for l in self._ledger.known[i]]
+        self._ledger.restarted(i)
+
+    def at(self, i: int, t: float) -> list[Belief]:
+        """What agent i believed at t [s]; nothing of an agent without a radio."""
+        newest = {news.peer: news.said for news in self.news.get(i, ()) if news.t <= t}
+        heard = {l: said for l, said in newest.items() if said}
+        if not heard:
+            return []
+        swarm, knowledge = self._swarm, PeerKnowledge(self._swarm, i)
+        x, _ = knowledge(np.zeros(swarm.safe_set.parts[-1].stop), (), t, heard)
+        boxes, centres = knowledge.boxes(), swarm.positions(x)
+        axes, radio = centres.shape[1], swarm.groups[i].radio
+        k = int(np.searchsorted(self.sampled[i], t, side="right"))
+        used = self._used[i][k - 1] if k else set()
+        one = radio is not None and radio.belief != "set"
+        return [
+            Belief(
+                l, age, centres[l],
+                np.array([centres[l]] * 2 if one else [end[:axes] for end in boxes[l]]), l in used,
+            )
+            for l, age in knowledge.age.items()
+        ]  # fmt: skip
+
+    def ages(self, i: int) -> dict[int, Series]:
+        """By peer, the age of what agent i knew of it at each of its samples [s]."""
+        t, ages = np.array(self.sampled[i]), {}
+        for l in sorted({news.peer for news in self.news.get(i, ())}):
+            of_peer = [n for n in self.news[i] if n.peer == l]
+            stamps = np.array([n.said.t if n.said else np.nan for n in of_peer])
+            newest = np.searchsorted([n.t for n in of_peer], t, side="right") - 1
+            ages[l] = Series(t, np.where(newest < 0, np.nan, t - stamps[newest]))
+        return ages
