@@ -88,7 +88,7 @@ class StatementLedger:
 
 
 def _starts(swarm: Swarm, i: int) -> dict[int, OwnStatement]:
-    """What agent i knows at t = 0: as a mission's plan has it, or nothing."""
+    """Return what agent i knows at t = 0: the starts, as a mission's plan has them, or nothing."""
     radio, start = swarm.groups[i].radio, swarm.start()
     peers = swarm.peers(i) if radio and radio.starts_known else ()
     parts, members = swarm.safe_set.parts, swarm.members

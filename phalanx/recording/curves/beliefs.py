@@ -16,7 +16,7 @@ from phalanx.theory.arrays import Array
 
 
 class Belief(NamedTuple):
-    """What an agent believes of where a peer is."""
+    """An agent's belief of where a peer is."""
 
     peer: int
     age: float
@@ -42,7 +42,7 @@ class News(NamedTuple):
 
 
 class Beliefs:
-    """What each agent with a radio believed, at any time.
+    """The beliefs of each agent with a radio, at any time.
 
     With `time.recording_step`, statements have the states that were recorded last.
     """
@@ -94,7 +94,7 @@ class Beliefs:
         self._ledger.restarted(i)
 
     def at(self, i: int, t: float) -> list[Belief]:
-        """What agent i believed at t [s]; nothing of an agent without a radio."""
+        """Return agent i's beliefs at t [s]; none of an agent without a radio."""
         newest = {news.peer: news.said for news in self.news.get(i, ()) if news.t <= t}
         heard = {l: said for l, said in newest.items() if said}
         if not heard:
@@ -115,7 +115,7 @@ class Beliefs:
         ]  # fmt: skip
 
     def ages(self, i: int) -> dict[int, Series]:
-        """By peer, the age of what agent i knew of it at each of its samples [s]."""
+        """Return by peer the age of what agent i knew of it, at each of its samples [s]."""
         t, ages = np.array(self.sampled[i]), {}
         for l in sorted({news.peer for news in self.news.get(i, ())}):
             of_peer = [n for n in self.news[i] if n.peer == l]

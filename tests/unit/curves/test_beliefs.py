@@ -1,4 +1,4 @@
-"""What agents knew of one another by radio follows again from a recording."""
+"""Beliefs by radio follow again from a recording."""
 
 import numpy as np
 import pytest
