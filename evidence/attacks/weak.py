@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
+from phalanx_attacks.minimise import smallest
+from phalanx_attacks.runner import Attacked, attack
+from phalanx_attacks.search import History, Options
 
-from phalanx.attacks.minimise import smallest
-from phalanx.attacks.runner import Attacked, attack
-from phalanx.attacks.search import History, Options
 from phalanx.extend import IntegratedMargin, PairRow
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text, set_field

@@ -20,12 +20,13 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+from phalanx_attacks.archive import Find, table_of
+from phalanx_attacks.knobs import Fields
+from phalanx_attacks.robustness import evaluate
+from phalanx_attacks.runner import DECLARATION, attack
+from phalanx_attacks.search import History, Options
+
 import phalanx
-from phalanx.attacks.archive import Find, table_of
-from phalanx.attacks.knobs import Fields
-from phalanx.attacks.robustness import evaluate
-from phalanx.attacks.runner import DECLARATION, attack
-from phalanx.attacks.search import History, Options
 from phalanx.guarantee.start import promised
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm

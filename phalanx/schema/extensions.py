@@ -23,7 +23,6 @@ EXTRAS: Mapping[str, str] = {
     "trimesh": "view",
     "viser": "view",
     "websockets": "view",
-    "cmaes": "lab",
     "polars": "lab",
     "foxglove_schemas_protobuf": "foxglove",
     "google": "foxglove",
@@ -31,7 +30,13 @@ EXTRAS: Mapping[str, str] = {
     "cryptography": "hosts",
 }
 """The extra of Phalanx that brings a library, by the library's module."""
-PACKAGES: Mapping[str, str] = {"certify": "phalanx-certify", "ros2": "phalanx-ros2"}
+PACKAGES: Mapping[str, str] = {
+    "attack": "phalanx-attacks",
+    "certify": "phalanx-certify",
+    "replay": "phalanx-attacks",
+    "ros2": "phalanx-ros2",
+    "shrink": "phalanx-attacks",
+}
 """The package of this repository that brings a command, by the command."""
 
 

@@ -46,7 +46,10 @@ KILLED, SURVIVED, TIMEOUT = "killed", "SURVIVED", "timeout"
 _OUTCOMES = {None: TIMEOUT, 0: SURVIVED}
 """By pytest's status; none if it was ended."""
 _LIBRARIES = "casadi cmaes hypothesis mcap msgspec osqp pydantic scipy.sparse typer zenoh"
-_PATHS = ("", "agent", "plant", "viewer", "packages/phalanx-certify", "packages/phalanx-worlds")
+_PATHS = (
+    "", "agent", "plant", "viewer",
+    *(f"packages/phalanx-{name}" for name in ("attacks", "certify", "worlds")),
+)  # fmt: skip
 _LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
 """Bytes that a mutant's process may use, and write into a file."""
 

@@ -14,6 +14,7 @@ class Room(NamedTuple):
 
 
 _PLANT, _CERTIFY = "plant/phalanx_plant", "packages/phalanx-certify"
+_ATTACKS = "packages/phalanx-attacks"
 ROOMS = {
     "rows": Room(
         ("phalanx/theory/rows/*.py", "phalanx/swarm/rows.py"),
@@ -47,7 +48,7 @@ ROOMS = {
     "coordinator": Room(
         ("phalanx/studies/coordinator.py", "phalanx/studies/[rsw]*.py"), "tests/unit/studies"
     ),
-    "search": Room(("phalanx/attacks/*.py",), "tests/unit/attacks"),
+    "search": Room((f"{_ATTACKS}/phalanx_attacks/*.py",), f"{_ATTACKS}/tests"),
     "recording-reader": Room(
         ("phalanx/recording/*.py",),
         "tests/unit/recording tests/unit/hostile/test_files.py"

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from phalanx_viewer.scene.model import Kinematics
 
-from phalanx.attacks.knobs import preset
 from phalanx.guarantee.formula import workspace
 from phalanx.scenario.load import load, read_table
 from phalanx.swarm.swarm import build_swarm
@@ -66,13 +65,6 @@ def test_the_heading_turns_the_velocity_and_a_tilt_does_not(dynamics, turns, exp
     assert angles(dynamics) == expected
 
 
-def test_a_start_of_an_attack_turns_a_robot_but_tilts_no_quadrotor():
-    (captured,) = preset("within", load("quadrotors"))["starts"].values()
-    assert captured[-2:] == [[0.0, 0.0], [0.0, 0.0]]
-    cart = preset("within", load("warehouse"))["starts"]["runaway"]
-    assert cart[2] == [-math.pi, math.pi]
-
-
 def test_a_quadrotor_is_drawn_along_its_velocity_whatever_its_pitch():
     composed = build_swarm(load("quadrotors")).safe_set
     x = np.zeros(composed.x.numel())
@@ -80,13 +72,12 @@ def test_a_quadrotor_is_drawn_along_its_velocity_whatever_its_pitch():
     np.testing.assert_array_equal(Kinematics(composed).poses(x).headings[0], [0.0, 1.0, 0.0])
 
 
-def test_a_users_angle_is_drawn_varied_and_bounded_by_any_name():
+def test_a_users_angle_is_drawn_and_bounded_by_any_name():
     table = read_table("unicycles")
     for group in table["agents"]:
         group["dynamics"] = {"type": f"{__name__}:Skater"}
     scenario = load(table)
     swarm = build_swarm(scenario)
-    assert preset("within", scenario)["starts"]["4"][0] == [-math.pi, math.pi]
     assert workspace(swarm) == ["east", "north"]  # bounds that the user has to give
     x = np.zeros(swarm.safe_set.x.numel())
     x[0] = math.pi / 2.0

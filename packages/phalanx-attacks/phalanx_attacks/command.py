@@ -14,8 +14,8 @@ from phalanx.launcher.streams import echo, echo_error
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from phalanx.attacks.runner import Attacked
-    from phalanx.attacks.search import History, Options
+    from phalanx_attacks.runner import Attacked
+    from phalanx_attacks.search import History, Options
 
 
 def register(app: typer.Typer) -> None:
@@ -41,9 +41,7 @@ def attack(
             "beyond: also faults of robots. Without a table: within."
         ),
     ] = None,
-    optimiser: Annotated[
-        Literal["cma-es", "random"], typer.Option(help="cma-es needs the extra `lab`.")
-    ] = "cma-es",
+    optimiser: Annotated[Literal["cma-es", "random"], typer.Option()] = "cma-es",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search; runs have their own.")] = 0,
     batch: Annotated[
         int | None,
@@ -83,10 +81,10 @@ def attack(
       phalanx attack unicycles --preset beyond --set duration=6 --workers 4
       phalanx run attacks/guaranteed/found/01-1-4-1.68s.toml
     """
-    from phalanx.attacks.runner import attack as search
-    from phalanx.attacks.search import Options
     from phalanx.scenario.load import field_and_value
     from phalanx.studies.store import StudyError
+    from phalanx_attacks.runner import attack as search
+    from phalanx_attacks.search import Options
 
     folder = out or Path("attacks") / Path(scenario).name.removesuffix(".toml")
     options = Options(budget, preset, optimiser, seed, batch, fresh, first, baseline)
@@ -127,8 +125,8 @@ def _display(options: "Options") -> "Iterator[Callable[[History], None]]":
 def _print(attacked: "Attacked") -> None:
     from rich.console import Console
 
-    from phalanx.attacks.page import counts, fresh
     from phalanx.cli.display import TextTable
+    from phalanx_attacks.page import counts, fresh
 
     head, rows = counts(attacked.histories)
     table = TextTable(*head)

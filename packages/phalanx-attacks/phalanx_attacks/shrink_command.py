@@ -35,8 +35,8 @@ def shrink(
 
       phalanx shrink found/01-1-4-2.05s.toml --attacked guaranteed --out smallest.toml
     """
-    from phalanx.attacks.minimise import attack_text, smallest
     from phalanx.scenario.load import read_table
+    from phalanx_attacks.minimise import attack_text, smallest
 
     table = read_table(file)
     attacked = attacked or str(table.get("name", ""))
@@ -64,7 +64,7 @@ def replay(
 
       phalanx replay scenarios/attacks
     """
-    from phalanx.attacks.minimise import differences, stated
+    from phalanx_attacks.minimise import differences, stated
 
     status = 0
     for path in files:

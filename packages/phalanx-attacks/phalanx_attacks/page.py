@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from phalanx.attacks.archive import Behaviour, Find
-from phalanx.attacks.search import History, Search
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.report.style import NORMAL, PEAK, legend, panels
+from phalanx_attacks.archive import Behaviour, Find
+from phalanx_attacks.search import History, Search
 
 _HEIGHT = 3.0
 """[inch]"""

@@ -12,10 +12,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from phalanx.attacks.archive import Archive, Find, find_of
-from phalanx.attacks.knobs import Fields, Point, Space
-from phalanx.attacks.optimisers import OPTIMISERS
-from phalanx.attacks.robustness import START, measured, robustness_of, scales_of
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher import interrupt
 from phalanx.scenario.attack import Attack
@@ -33,6 +29,10 @@ from phalanx.studies.row import (
 from phalanx.studies.store import Store
 from phalanx.studies.work import Executing, Job, Task, compute
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx_attacks.archive import Archive, Find, find_of
+from phalanx_attacks.knobs import Fields, Point, Space
+from phalanx_attacks.optimisers import OPTIMISERS
+from phalanx_attacks.robustness import START, measured, robustness_of, scales_of
 
 _CLOSE = 1.0
 """Robustness below which a run is tried again on fresh seeds: it lost its certificate."""

@@ -7,14 +7,14 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import phalanx
-from phalanx.attacks.robustness import Evaluation, evaluate, nearest, shortfall
-from phalanx.attacks.shrinking import Fields, shrink, size_of
 from phalanx.guarantee.start import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import scenario_text, validate
 from phalanx.scenario.model import Scenario, ScenarioError, digest
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx_attacks.robustness import Evaluation, evaluate, nearest, shortfall
+from phalanx_attacks.shrinking import Fields, shrink, size_of
 
 _VERDICT, _TRAJECTORY, _ATTACKED = "Verdict: ", "Trajectory: ", "Attacked: "
 

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
+from cmaes import CatCMAwM
 
-from phalanx.attacks.knobs import Point, Space
-from phalanx.schema.extensions import extras_named
 from phalanx.seeded.draws import Draws
+from phalanx_attacks.knobs import Point, Space
 
 _STALE = 8
 """Generations without a better point, after which a search begins again elsewhere."""
@@ -66,8 +66,6 @@ def cma_es(space: Space, evaluator: Evaluator, seed: int, batch: int | None) -> 
 
 
 def _cma(space: Space, seed: int, batch: int | None) -> Any:
-    with extras_named():
-        from cmaes import CatCMAwM
     sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
     if space.numbers:
         mean = np.full(space.numbers, 0.5)

@@ -1,10 +1,12 @@
 """Knobs: every point of the cube is a scenario, and within its bounds."""
 
+import math
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_attacks.knobs import Point, preset, separated, space_of
 
-from phalanx.attacks.knobs import Point, preset, separated, space_of
 from phalanx.scenario.load import load, read_table
 from phalanx.scenario.model import ScenarioError
 
@@ -63,6 +65,13 @@ def test_a_preset_fits_any_scenario(name, kind):
     space = space_of(table)
     half = Point((0.5,) * space.numbers, (1,) * len(space.choices))
     assert load(space.table, space.overrides(half)).agents
+
+
+def test_a_start_of_an_attack_turns_a_robot_but_tilts_no_quadrotor():
+    (captured,) = preset("within", load("quadrotors"))["starts"].values()
+    assert captured[-2:] == [[0.0, 0.0], [0.0, 0.0]]
+    cart = preset("within", load("warehouse"))["starts"]["runaway"]
+    assert cart[2] == [-math.pi, math.pi]
 
 
 def test_within_changes_nothing_that_voids_a_guarantee():

@@ -9,14 +9,14 @@ from typing import Any
 
 import tomli_w
 
-from phalanx.attacks.archive import Behaviour, Find, write_finds
-from phalanx.attacks.knobs import WITHIN, preset, space_of
-from phalanx.attacks.page import write_attack_page
-from phalanx.attacks.search import History, Options, Search, declaration
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table
 from phalanx.studies.pool import Pool
 from phalanx.studies.store import Store, StudyError
+from phalanx_attacks.archive import Behaviour, Find, write_finds
+from phalanx_attacks.knobs import WITHIN, preset, space_of
+from phalanx_attacks.page import write_attack_page
+from phalanx_attacks.search import History, Options, Search, declaration
 
 DECLARATION, PAGE = "attack.toml", "attack.html"
 

@@ -3,9 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from phalanx_attacks.robustness import evaluate, robustness, scales_of
 
 import phalanx
-from phalanx.attacks.robustness import evaluate, robustness, scales_of
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -12,7 +12,7 @@ import pytest
 import phalanx
 from phalanx.scenario.load import scenario_text
 from tests.process.runs import wait_for
-from tests.unit.attacks.weak import weak
+from tests.weak_swarm import weak
 
 pytestmark = pytest.mark.nightly
 

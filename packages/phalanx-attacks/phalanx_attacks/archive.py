@@ -9,13 +9,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from phalanx.attacks.knobs import Fields
-from phalanx.attacks.robustness import START, robustness_of
 from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text
 from phalanx.studies.row import Row
 from phalanx.studies.statistics import Interval, clopper_pearson
+from phalanx_attacks.knobs import Fields
+from phalanx_attacks.robustness import START, robustness_of
 
 _PARTS = 8
 """Parts of a run's duration."""

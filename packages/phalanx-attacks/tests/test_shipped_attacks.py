@@ -3,14 +3,15 @@
 from pathlib import Path
 
 import pytest
+from phalanx_attacks.minimise import differences, smallest, stated
 
-from phalanx.attacks.minimise import differences, smallest, stated
 from phalanx.scenario.load import read_table
 from phalanx.scenario.model import ScenarioError
 from tests.layers import layered
 
-CORPUS = sorted((Path(__file__).parents[2] / "scenarios" / "attacks").glob("*.toml"))
-PAGE = Path(__file__).parents[2] / "docs" / "found-attacks.md"
+ROOT = Path(__file__).parents[3]
+CORPUS = sorted((ROOT / "scenarios" / "attacks").glob("*.toml"))
+PAGE = ROOT / "docs" / "found-attacks.md"
 
 
 @pytest.mark.parametrize("file", layered(CORPUS, CORPUS[:1]), ids=[file.stem for file in CORPUS])

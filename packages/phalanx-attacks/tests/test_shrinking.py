@@ -4,8 +4,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-
-from phalanx.attacks.shrinking import Fields, ddmin, shrink, size_of
+from phalanx_attacks.shrinking import Fields, ddmin, shrink, size_of
 
 needed = st.lists(st.sets(st.integers(0, 19), min_size=1, max_size=4), min_size=1, max_size=3)
 
