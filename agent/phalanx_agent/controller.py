@@ -111,9 +111,9 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
-        self._radio: RadioFilter | None = None
+        self.radio: RadioFilter | None = None
         if swarm.peers(i):
-            self._filter = self._radio = part_of_agent("agents.radio")(rows, i)
+            self._filter = self.radio = part_of_agent("agents.radio")(rows, i)
         if swarm.safety.prove and not swarm.members[i].adversary:
             self._filter = part_of_agent("safety.prove")(rows, i, self._filter)
         self._override: Callable[..., tuple[Decision, dict[str, float]]] | None = None
@@ -125,7 +125,7 @@ class DistributedController:
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as an AgentController does."""
-        radio, convictions = self._radio, tuple[Conviction, ...]()
+        radio, convictions = self.radio, tuple[Conviction, ...]()
         if radio is not None:
             x, visible = radio.with_beliefs(x, visible, t, received)
         view = self._view(x, visible, t)
@@ -161,7 +161,7 @@ class DistributedController:
         self._members = rows.swarm.members
         self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
-        self._override = self._radio = None
+        self._override = self.radio = None
         return self
 
 

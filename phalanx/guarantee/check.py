@@ -17,6 +17,7 @@ from phalanx.guarantee.formula import (
     workspace,
     worst_pair,
 )
+from phalanx.guarantee.kept_distance import kept_distances
 from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.radio_reach import radio_reach
 from phalanx.guarantee.start import (
@@ -97,6 +98,7 @@ def check(
         gaps=proof_gaps(swarm),
         certified=certified,
         promised=promise,
+        kept_distance=kept_distances(rows),
         radio=radio_reach(swarm),
     )
     efforts = None if model.reads_roles else _efforts(rows)

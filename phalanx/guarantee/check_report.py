@@ -6,6 +6,7 @@ from html import escape
 from typing import NamedTuple
 
 from phalanx.guarantee.formula import Formula
+from phalanx.guarantee.kept_distance import KeptDistance
 from phalanx.guarantee.radio_reach import RadioReach
 from phalanx.guarantee.start import CertifiedStart, Promise
 
@@ -83,6 +84,8 @@ class CheckReport:
     """Certificates at the start, on which the verdict rests."""
     promised: Promise
     """The time for which all pairs are safe, proven before a run."""
+    kept_distance: KeptDistance | None = None
+    """At rest before one another; None if it is not known."""
     radio: RadioReach | None = None
     """Of agents that know one another by radio."""
     findings: list[Finding] = field(default_factory=list)

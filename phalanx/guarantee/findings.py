@@ -55,7 +55,7 @@ def findings(
         _sampling(report),
         _received_inputs(swarm, report),
         _theorem(swarm, report),
-        Finding(None, [str(report.radio)] if report.radio else []),
+        Finding(None, [str(part) for part in (report.kept_distance, report.radio) if part]),
         Finding(None, [reason.words for reason in unknown]),
         Finding(None, [*alpha_advice(swarm), *_resting(swarm), _roles(report, efforts)]),
     ]

@@ -52,6 +52,12 @@ class OwnParts:
 
     reference: Array
     """z at the last sample, to be broadcast."""
+    limits: Limits | None
+    """Of own parts at the last sample; None if none could be too large."""
+    near: Sequence[int | None]
+    """The peers of these limits; None for an obstacle."""
+    inputs: Array
+    """Of the reference at the last sample: the wish and the chosen one, shape (2, axes)."""
     _last: Hold | None
 
     def __init__(
@@ -79,9 +85,9 @@ class OwnParts:
         self._motion, self._names = motion, sorted(peers)
         self._motions = stacked([peers[l] for l in self._names])
         longest = max([motion.longest, *(m.longest for m in peers.values())])
-        self._share, self._radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
+        self.share, self.radius = 0.5 * min(kappa, 1.0 / (_E * longest)), radius
         self._enclose = partial(enclosures, stamp_error=stamp_error, believes=believes)
-        accounts = motion, radius, self._share, stamp_error, self._enclose
+        accounts = motion, radius, self.share, stamp_error, self._enclose
         self._shares, self._last = Shares(*accounts), None
         if start is not None:
             self._last = Hold(0.0, start, np.zeros(motion.axes), 0.0)
@@ -120,9 +126,13 @@ class OwnParts:
         behind = (z - x)[: self._motion.axes]
         static = [(distance + float(dot(n, behind)), n) for distance, n in static]
         limits = self._limits(boxes.of(near), motions.of(near), gaps[near], static, len(names))
+        unheard = [l for l in self._names if l not in heard]
+        near_peers = [names[n] for n in near.tolist()]
+        self.limits, self.near = limits, [*near_peers, *[None] * len(static), *unheard]
         shifted = None if whole is None else Rows(whole.a, whole.bound - dot(whole.a, pull))
         chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted, turn)
         self._last = Hold(t, z, chosen.u, t)
+        self.inputs = np.array([wish - pull, chosen.u])
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
         by_a_peer = chosen.binding is not None and chosen.binding < len(near)
@@ -134,6 +144,13 @@ class OwnParts:
             sets=dict(zip(names, sets, strict=True)),
             binding=names[near[chosen.binding]] if by_a_peer else None,
         )
+
+    def spending(self) -> Array:
+        """Return the own parts of `inputs` in the order of `near`, shape (2, n) [m/s]."""
+        if self.limits is None:
+            return np.empty((2, 0))
+        v = self.reference[self._motion.axes :]
+        return self._pieces.spending(v, self.inputs, self.limits.cones)
 
     def _reference(self, t: float, x: Array) -> Array:
         """z at a sample: on from where it was; from x if that is out of the tube, or if it is 0."""
@@ -160,9 +177,9 @@ class OwnParts:
         Shares are counted only where the set leaves so little that an own part may be too large.
         """
         p, speed = self.reference[: self._motion.axes], self._speed()
-        way = self._radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
+        way = self.radius + self._motion.tube + self._motion.stopping(speed) + _ROUNDING
         gaps = boxes.distance(p) - way - motions.tube - motions.stopping(boxes.speed())
-        most = self._motion.rate(speed, self._motion.longest) / self._share
+        most = self._motion.rate(speed, self._motion.longest) / self.share
         near = np.flatnonzero(~(gaps >= most))  # so is a gap that is not a number
         if near.size:
             some = [states[n] for n in near.tolist()]
@@ -183,11 +200,11 @@ class OwnParts:
         if len(gaps):
             begin = own_motion(self.reference, motion)
             around.append(cones(begin, boxes, motions, self._pieces.times))
-            most.append(self._share * gaps)
+            most.append(self.share * gaps)
         if static:
             around.append(fixed(np.array([n for _, n in static]), _PIECES))
             clear = np.array([distance for distance, _ in static]) - motion.tube - _ROUNDING
-            most.append(2.0 * self._share * (clear - motion.stopping(self._speed())))
+            most.append(2.0 * self.share * (clear - motion.stopping(self._speed())))
         if unheard := len(self._names) - heard:
             around.append(everywhere(unheard, _PIECES, axes))
             most.append(np.zeros(unheard))

@@ -35,6 +35,16 @@ class Page(AbstractContextManager["Page"], Protocol):
         """Stop the server."""
 
 
+class Explanation(Protocol):
+    """The reasons of one input of an agent."""
+
+    def sentences(self) -> list[str]: ...
+
+    def table(self) -> list[tuple[str, ...]]: ...
+
+    def as_json(self) -> dict[str, Any]: ...
+
+
 class Run:
     """A finished run; its recording is read, and its tables are made, when they are first used."""
 
@@ -126,6 +136,15 @@ class Run:
         from phalanx.launcher.network_effect import network_effect
 
         return pl.DataFrame(network_effect(self.scenario), orient="row")
+
+    def explain(self, agent: str, t: float, changes: bool = True) -> Explanation:
+        """Explain an agent's last control step at or before t [s]: rows, costs, what frees it.
+
+        changes: whether to look for changes that free it, which takes seconds for each field. The
+        run is repeated for it. Raises EngineError: it cannot be, or no row made that input.
+        """
+        explanation: Explanation = extension("explain")(self.recording, agent, t, changes)
+        return explanation
 
     def report(self, progress: Callable[[str], None] | None = None) -> Path:
         """Write report.html and its figures into the run's folder; return the path of report.html.

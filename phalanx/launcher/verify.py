@@ -84,9 +84,7 @@ def verify(
     recorded = run.recording if isinstance(run, Run) else run
     if not isinstance(recorded, Recording):
         recorded = read(Path(recorded), trust)
-    # Faults that the scenario declares happen again without a command.
-    commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
-    options = RunOptions(engine, progress=progress, commands=commands)
+    options = RunOptions(engine, progress=progress, commands=commands_of(recorded))
     if not recorded.states and not recorded.step_data:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     world = recorded.scenario.fresh_world()
@@ -126,12 +124,21 @@ def cut_short(recorded: Recording) -> bool:
 
 def _until_its_end(recorded: Recording) -> Scenario:
     """Return the recording's scenario, shortened to the time of its last state."""
-    scenario = recorded.scenario
     if not (cut_short(recorded) and recorded.states):
-        return scenario
-    reached = min(scenario.duration, recorded.states[-1].t + _INSTANT)
+        return recorded.scenario
+    return shortened(recorded.scenario, recorded.states[-1].t)
+
+
+def shortened(scenario: Scenario, t: float) -> Scenario:
+    """Return a scenario that ends just after t [s], or at its end."""
+    reached = min(scenario.duration, t + _INSTANT)
     reseed = tuple(reseeding for reseeding in scenario.reseed if reseeding.at < reached)
     return scenario.model_copy(update={"duration": reached, "reseed": reseed})
+
+
+def commands_of(recorded: Recording) -> CommandPolicy:
+    """Return a run's commands, to be given again; faults that it declares happen without one."""
+    return CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
 
 
 def _decided_again(recorded: Recording) -> Recording:

@@ -258,7 +258,7 @@ class AgentGroup(Strict):
         if not self._names_user_code:
             # In each thread another: a compiled law writes to buffers.
             return cached(("law", repr(self.law), repr(self.dynamics)), self.fresh_law)
-        return self.fresh_law() if is_users(self.law) else self._law
+        return self.fresh_law() if names_user_code(self.law) else self._law
 
     @property
     def _names_user_code(self) -> bool:

@@ -59,6 +59,7 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "track-velocity": "phalanx.theory.laws.tracking:TrackVelocity",
         "track": "phalanx.theory.laws.tracking:Track",
         "give-way": "phalanx.theory.laws.give_way:GiveWay",
+        "unstick": "phalanx.theory.laws.unstick:Unstick",
         "pursue": "phalanx.theory.laws.tracking:Pursue",
         "chase": "phalanx.theory.laws.attacks:Chase",
         "worst": "phalanx.theory.laws.attacks:WorstCase",

@@ -116,6 +116,9 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
         raise ValueError(f"expected a field type, {_choices(kind)}")
     checked = _validated(lookup(kind, str(table["type"])))
     fields = {key: value for key, value in table.items() if key != "type"}
+    for field in dataclasses.fields(checked):
+        if field.type is Law and isinstance(fields.get(field.name), Mapping):
+            fields[field.name] = construct(Law, fields[field.name])
     if is_built_in(checked):
         return checked(**fields)
     guarded = _guarded(kind, checked)

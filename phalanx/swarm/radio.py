@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from phalanx.knowledge.contradiction import contradiction
 from phalanx.knowledge.held import moved
 from phalanx.knowledge.motion import stacked
-from phalanx.knowledge.own_parts import OwnParts
+from phalanx.knowledge.own_parts import OwnParts, OwnPartsInput
 from phalanx.knowledge.sets import HeardState, enclosures
 from phalanx.network.inbox import AnnouncedInput, Conviction, SentInput
 from phalanx.scenario.model import ScenarioError
@@ -169,13 +169,15 @@ class RadioFilter:
         self._point, self._own = points[i], swarm.safe_set.parts[i]
         self.reference: Array | None = None
         """The reference state at the last sample, shape (n_i,); None if there is none."""
+        self.result: OwnPartsInput | None = None
+        """Of its own parts at the last sample; None with halves."""
         self._halves: PairwiseFilter | None = None
         if radio.rows == "halves":
             terms = rows.pair_terms(i)
             self._halves = PairwiseFilter(i, swarm.information(), rows.qp(i), terms)
         self._terms, self._static = _terms_of_limits(rows, i), _static(swarm)
         try:
-            self._own_parts = OwnParts(
+            self.own_parts = OwnParts(
                 points[i].motion,
                 {l: points[l].motion for l in self.with_beliefs.peers},
                 function.radius,
@@ -195,7 +197,7 @@ class RadioFilter:
         whole = pair_rows(self._terms(now.x, [l for l in now.seen if l not in peers], ()), {})
         x, of_point = now.x[self._own], self._point
         z = of_point.of(x)
-        result = self._own_parts(
+        result = self.result = self.own_parts(
             now.t,
             z,
             heard,
@@ -204,7 +206,7 @@ class RadioFilter:
             self._static(z),
             of_point.turn(x),
         )
-        self.reference = of_point.at(x, self._own_parts.reference)
+        self.reference = of_point.at(x, self.own_parts.reference)
         u = of_point.applied(x, result.u)
         residual = float((dot(whole.a, u) - whole.bound).max(initial=FAR))
         origin = Origin.BRAKE if result.braked else Origin.QP

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from phalanx.recording.metrics.deadlock import Wait, deadlocks
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.swarm.swarm import Swarm
@@ -20,12 +20,6 @@ from phalanx.theory.rows.origin import Origin
 
 Value = float | bool | None
 
-_WINDOW = 50
-"""Steps into which an agent's patience is divided."""
-
-_MOST_STEPS = 10**6
-"""A day of virtual time; a damaged recording may have any time."""
-
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -34,9 +28,10 @@ class Thresholds:
     arrival: float = 0.5
     """An agent is at its goal within this distance [m]."""
     still: float = 0.25
-    """An agent stands while its output point stays within this distance of a point [m]."""
-    patience: float = 5.0
-    """An agent that stands for this long away from its goal is in deadlock [s]."""
+    """An agent stands while its output point, and how far the nearest other is, change less [m]."""
+    patience: float | None = None
+    """An agent that stands for this long though it wants to move is in deadlock [s]; by default 5,
+    but at most a fifth of the run."""
 
 
 class InputSeries(NamedTuple):
@@ -81,33 +76,6 @@ def input_deviation(inputs: InputSeries) -> float | None:
     return float(dot(inputs.duration[finite], deviation[finite])) / duration if duration else None
 
 
-def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -> float:
-    """Return for how long an agent is in deadlock [s].
-
-    It is in deadlock during each stretch of length `patience` in which its output point stays
-    within `still` of the stretch's first, and farther than `arrival` from its goal throughout.
-    Stretches that overlap count once.
-
-    Times t [s], positions [m] and errors, which are distances from the goal [m], have shapes (s,),
-    (s, d) and (s,).
-    """
-    step = limits.patience / _WINDOW
-    steps = int(min(round(float(t[-1] - t[0]) / step, 6), _MOST_STEPS)) if len(t) else 0
-    if steps < _WINDOW:
-        return 0.0
-    grid = t[0] + step * np.arange(steps + 1)
-    points = np.column_stack([np.interp(grid, t, axis) for axis in position.T])
-    stretches = len(grid) - _WINDOW
-    moved = np.zeros(stretches)
-    for later in range(1, _WINDOW + 1):
-        distance = length(points[later : later + stretches] - points[:stretches])
-        np.maximum(moved, distance, out=moved)
-    away = sliding_window_view(np.interp(grid, t, error), _WINDOW + 1).min(axis=1)
-    stuck = (moved <= limits.still) & (away > limits.arrival)
-    covered = np.convolve(stuck, np.ones(_WINDOW)) > 0
-    return float(covered.sum() * step)
-
-
 def metrics_of_agents(
     recording: Recording, swarm: Swarm, limits: Thresholds
 ) -> list[dict[str, Value]]:
@@ -117,8 +85,8 @@ def metrics_of_agents(
     """
     t, x, parts = recording.times, recording.x, swarm.safe_set.parts
     end = float(t[-1]) if len(t) else 0.0
-    shape = len(t), len(swarm.names), swarm.groups[0].axes
-    p = np.array([swarm.positions(state) for state in x]).reshape(shape)
+    p = _positions(recording, swarm)
+    waits = waits_of_agents(recording, swarm, limits)
     states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
     steps = steps_by_agent(recording).values()
     with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
@@ -127,9 +95,31 @@ def metrics_of_agents(
                 **_task(swarm, i, t, states, p[:, i], limits),
                 **_distances(swarm, i, p),
                 **_inputs(of_agent, len(swarm.members[i].dynamics.inputs), end),
+                **_deadlock(waits.get(swarm.names[i])),
             }
             for i, of_agent in enumerate(steps)
         ]
+
+
+def waits_of_agents(
+    recording: Recording, swarm: Swarm, limits: Thresholds
+) -> dict[str, list[Wait]]:
+    """Return each normal agent's stretches in deadlock, by name; empty without a state."""
+    t, p, steps = recording.times, _positions(recording, swarm), steps_by_agent(recording)
+    if not len(t):
+        return {}
+    patience = limits.patience or min(5.0, 0.2 * float(t[-1] - t[0])) or 5.0
+    return {
+        name: deadlocks(swarm, i, steps[name], t, p, limits.still, patience)
+        for i, name in enumerate(swarm.names)
+        if i in swarm.normal
+    }
+
+
+def _positions(recording: Recording, swarm: Swarm) -> Array:
+    """Return the output points of all agents at all states, shape (s, N, d) [m]."""
+    shape = len(recording.states), len(swarm.names), swarm.groups[0].axes
+    return np.array([swarm.positions(state) for state in recording.x]).reshape(shape)
 
 
 def _task(
@@ -148,7 +138,6 @@ def _task(
     metrics: dict[str, Value] = {
         "tracking_error_mean": mean_over_time(t, error),
         "tracking_error_final": float(error[-1]),
-        "deadlock_time": deadlock_time(t, p, error, limits),
     }
     rest = goal.end()
     if rest is None:
@@ -175,6 +164,16 @@ def _distances(swarm: Swarm, i: int, p: Array) -> dict[str, Value]:
     return {
         "least_distance": None if to_others is None else float(to_others),
         "least_clearance": min(to_obstacles, default=None),
+    }
+
+
+def _deadlock(waits: Sequence[Wait] | None) -> dict[str, Value]:
+    """Return for how long an agent is in deadlock, and since when; nothing of an adversary."""
+    if waits is None:
+        return {}
+    return {
+        "deadlock_time": added([wait.end - wait.begin for wait in waits]),
+        "deadlock_since": min((wait.begin for wait in waits), default=None),
     }
 
 

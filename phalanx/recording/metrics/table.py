@@ -37,7 +37,8 @@ METRICS: Mapping[str, Metric] = {
     "distance_to_goal": Metric("m", "distance at the end from where the goal comes to rest", max),
     "arrived": Metric("", "at the end within reach of where the goal comes to rest", all),
     "arrival_time": Metric("s", "since when it has been there", max),
-    "deadlock_time": Metric("s", "time that it stood away from its goal", sum),
+    "deadlock_time": Metric("s", "time that it stood though it wanted to move", sum),
+    "deadlock_since": Metric("s", "since when it first did", min),
     "input_deviation_mean": Metric("of u", "‖u - u_nom‖, mean over the time", _mean),
     "input_energy": Metric("of u², s", "∫ ‖u‖² dt", sum),
     "backup_time": Metric("s", "time on the backup", sum),
@@ -157,7 +158,9 @@ def in_words(metrics: Mapping[str, Mapping[str, Value]], normal: Sequence[str]) 
         when = "" if last is None else f", the last at {_number(last)} s"
         parts.insert(0, f"{sum(map(bool, resting))} of {len(resting)} arrived{when}")
     if swarm["deadlock_time"]:
-        parts.append(f"deadlock for {_number(swarm['deadlock_time'])} s")
+        waiting = sum(bool(metrics[name]["deadlock_time"]) for name in normal)
+        since = _number(swarm["deadlock_since"])
+        parts.append(f"{waiting} of {len(normal)} stood though they wanted to move, from {since} s")
     if swarm["least_distance"] is not None:
         parts.append(f"least distance {_number(swarm['least_distance'])} m")
     return ", ".join(parts)

@@ -94,7 +94,7 @@ class PairRowFunction:
         self.sizes = chain.set.sizes
         self.evaluate = MappedFunction(
             [chain.set.x, chain.set.parameters, *symbols],
-            [*chain.psi, unforced, _most(pair), margin, a, forces],
+            [*chain.psi, unforced, most_of_other(pair), margin, a, forces],
         )
 
 
@@ -239,7 +239,7 @@ def pair_rows(terms: PairTerms, received: Mapping[int, Sequence[float]]) -> Rows
     return Rows(terms.a, bound, terms.margin)
 
 
-def _most(pair: OwnPair) -> ca.SX:
+def most_of_other(pair: OwnPair) -> ca.SX:
     """max over the other member's U of c u, scalar."""
     if pair.other is None:
         return ca.SX(0)

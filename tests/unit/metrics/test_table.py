@@ -101,17 +101,19 @@ def test_waypoints_are_passed_by_the_true_states():
     assert a["arrived"] is True
 
 
-def test_agents_that_stand_away_from_their_goals_are_in_deadlock():
-    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]]))
+def test_agents_that_stand_though_they_want_to_move_are_in_deadlock():
+    still = [step(agent, 0, 0.0, 0.0) for agent in "ab"]
+    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]], steps=still))
     assert metrics["a"]["deadlock_time"] == 0.0
     assert metrics["b"]["deadlock_time"] == pytest.approx(10.0, abs=0.2)
     assert metrics[SWARM]["deadlock_time"] == metrics["b"]["deadlock_time"]
+    assert metrics[SWARM]["deadlock_since"] == 0.0
 
 
 def test_agents_without_goal_have_no_metrics_of_one():
     metrics = figures(recording_of())
-    goals = list(METRICS)[:6]
-    assert [[agent[name] for name in goals] for agent in metrics.values()] == [[None] * 6] * 4
+    goals = list(METRICS)[:5]
+    assert [[agent[name] for name in goals] for agent in metrics.values()] == [[None] * 5] * 4
     assert in_words(metrics, ["a", "b"]) == ""
 
 
@@ -195,9 +197,11 @@ def test_a_mistaken_metric_of_ones_own_is_one_line(metric, expected):
 
 
 def test_the_task_in_words():
-    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]]))
+    still = [step(agent, 0, 0.0, 0.0) for agent in "ab"]
+    metrics = figures(recording_of([ALONG_X, [4.0, 0.0]], steps=still))
     assert in_words(metrics, ["a", "b"]) == (
-        "1 of 2 arrived, tracking error 2.5 m on average, deadlock for 10 s, least distance 1 m"
+        "1 of 2 arrived, tracking error 2.5 m on average, "
+        "1 of 2 stood though they wanted to move, from 0 s, least distance 1 m"
     )
     assert metric_rows(metrics)[0][:3] == (SWARM, "2.5", "5")
 
@@ -211,5 +215,5 @@ def test_the_page_has_every_metric_its_unit_and_its_meaning():
         assert listed[name][0] == metric.unit
         assert re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", listed[name][1]) == metric.meaning
     limits = phalanx.metrics.Thresholds()
-    for limit in (limits.arrival, limits.still, limits.patience):
+    for limit in (limits.arrival, limits.still):
         assert f"{limit:g} " in page

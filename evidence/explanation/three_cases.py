@@ -1,0 +1,48 @@
+"""Three runs that end guaranteed with no robot at its goal, explained, and after what is advised.
+
+    python -m evidence.explanation.three_cases
+
+For each: what the explanation names, then arrivals and verdicts with each advised change, and with
+the law `unstick` around the scenario's.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import phalanx
+from phalanx.explain import moments
+from phalanx.launcher.run import Run
+
+FOLDER = Path(__file__).parent
+
+
+def main() -> None:
+    for name in ("swap", "drives", "lagged"):
+        path = FOLDER / f"{name}.toml"
+        before = phalanx.run(path, engine="in-process")
+        agent, t, _ = moments.stuck(before.recording)
+        explanation = before.explain(agent, t)
+        print(f"\n{name}: {outcome(before)}", *explanation.sentences(), sep="\n")
+        for change in explanation.advice or ():
+            print(f"  with {', '.join(change.overrides)}: {outcome(after(path, change.overrides))}")
+        law = dict(phalanx.load(path).agents[0].law)
+        cure = {"agents.0.law": {"type": "unstick", "of": law}}
+        print(f"  with the law unstick: {outcome(after(path, cure))}")
+
+
+def after(path: Path, overrides: dict[str, Any]) -> Run:
+    return phalanx.run(phalanx.load(path, overrides), engine="in-process")
+
+
+def outcome(run: Run) -> str:
+    """Describe the verdict, who arrived and the least distance."""
+    metrics = run.metrics
+    agents = metrics.filter(metrics["role"] == "normal")
+    arrived, last = agents["arrived"].sum(), agents["arrival_time"].max()
+    when = f", the last at {last:.1f} s" if arrived == len(agents) else ""
+    least = agents["least_distance"].min()
+    return f"{run.verdict}, {arrived} of {len(agents)} arrived{when}, least distance {least:.2f} m"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""The least change of a field that would let an agent apply its wish, found at one control step.
+
+A change is a share s of the way from the field's value to its end, such as 0 for a bound on φ. The
+agent's own controller decides the step again under it; bisection finds the least s that frees it.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from phalanx.explain.repetition import ControllerSteps
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Scenario, ScenarioError, to_json
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.exact import length
+
+_ROUNDS = 10
+_FREE = 1e-9
+"""Distance of an input from its wish below which it is the wish, relative to the wish."""
+
+
+class Field(NamedTuple):
+    """A field that a user may change, and the price of that."""
+
+    path: str
+    """Within the scenario, or within each group of agents if it begins with agents."""
+    end: float
+    """Times its value: how far it may change."""
+    price: str
+
+
+FIELDS = (
+    Field("safety.alpha", 20.0, "gaps may close faster; a given margin must hold for it"),
+    Field("safety.function.radius", 0.05, "others may come nearer"),
+    Field("safety.eta", 0.0, "a smaller margin than the paper's constants give proves nothing"),
+    Field("agents.clock", 0.05, "more and more exact samples, and broadcasts, a second"),
+    Field("agents.clock.jitter", 0.0, "void if clocks are less exact"),
+    Field("agents.disturbance.bound", 0.0, "void if disturbances are larger"),
+    Field("agents.dynamics.speed", 0.05, "slower robots; void if an attacker is faster"),
+    Field("agents.dynamics.acceleration", 20.0, "needs robots that brake as hard"),
+    Field("agents.radio.gain", 20.0, "gaps may close faster; more braking at losses"),
+    Field("agents.radio.every", 0.0, "more broadcasts a second"),
+)
+
+
+class Advice(NamedTuple):
+    """A change that frees the agent at this step."""
+
+    overrides: dict[str, Any]
+    """Values by path, as for --set."""
+    price: str
+    share: float
+    """s: of the way from the present value to the field's end."""
+
+    def __str__(self) -> str:
+        sets = " ".join(f"--set {path}={value:.4g}" for path, value in self.overrides.items())
+        return f"{sets}: {self.price}"
+
+
+def frees(steps: ControllerSteps, overrides: Mapping[str, Any]) -> bool:
+    """Return whether the agent would apply its wish, as far as U_i has it, under these values."""
+    table = json.loads(to_json(steps.rows.swarm.scenario))
+    try:
+        rows = build_rows(build_swarm(load(table, overrides)))
+        other = steps.under(rows)
+        wish, result = other.wish, other.result
+    except (ScenarioError, ArithmeticError):
+        return False
+    assert result is not None
+    return float(length(result.decision.u - wish)) <= _FREE * max(1.0, float(length(wish)))
+
+
+def changes(scenario: Scenario, field: Field, share: float) -> dict[str, Any]:
+    """Return the overrides that move a field a share of the way to its end."""
+    numbers = dict(_numbers(json.loads(to_json(scenario)), "", field.path.split(".")))
+    moved = {path: value * (1.0 + share * (field.end - 1.0)) for path, value in numbers.items()}
+    if field.path.endswith("every"):
+        moved = {path: max(1, int(value)) for path, value in moved.items()}
+    return {path: value for path, value in moved.items() if value != numbers[path]}
+
+
+def _numbers(node: Any, path: str, keys: Sequence[str]) -> Iterator[tuple[str, float]]:
+    """Yield each number at a path below a node; of a list and of a table at its end all."""
+    if isinstance(node, list):
+        for index, entry in enumerate(node):
+            yield from _numbers(entry, f"{path}.{index}", keys)
+    elif isinstance(node, dict) and not keys:
+        for key, entry in node.items():
+            yield from _numbers(entry, f"{path}.{key}", keys)
+    elif isinstance(node, dict) and keys[0] in node:
+        yield from _numbers(node[keys[0]], f"{path}.{keys[0]}", keys[1:])
+    elif not keys and isinstance(node, int | float) and not isinstance(node, bool):
+        yield path.removeprefix("."), node
+
+
+def least_change(steps: ControllerSteps, field: Field) -> Advice | None:
+    """Bisect for the least change of a field that frees the agent; None if none does."""
+    scenario, low, high = steps.rows.swarm.scenario, 0.0, 1.0
+    end = changes(scenario, field, 1.0)
+    if not end or not frees(steps, end):
+        return None
+    for _ in range(_ROUNDS):
+        middle = 0.5 * (low + high)
+        if frees(steps, changes(scenario, field, middle)):
+            high = middle
+        else:
+            low = middle
+    return Advice(changes(scenario, field, high), field.price, high)
+
+
+def advice(steps: ControllerSteps) -> list[Advice]:
+    """Return the least change of each field that frees the agent, if one does."""
+    found = [least_change(steps, field) for field in FIELDS]
+    return [change for change in found if change]

@@ -1,0 +1,94 @@
+"""The control steps of one agent of a recorded run, repeated in this process."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from phalanx_agent.controller import AgentController, DistributedController, StepResult
+from phalanx_agent.step import ControlStep
+
+from phalanx.launcher.engine import EngineError, RunOptions
+from phalanx.launcher.simulation import Simulation
+from phalanx.launcher.verify import commands_of, shortened
+from phalanx.recording.read import Recording
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.arrays import Array
+from phalanx.theory.rows.information import ReceivedInput
+
+
+class Knowledge(NamedTuple):
+    """An agent's knowledge at one control step: the arguments of its controller."""
+
+    x: Array
+    """Stacked sampled state, shape (n̄,); NaN for agents that are not seen."""
+    seen: tuple[int, ...]
+    t: float
+    """Time of the sample [s]."""
+    received: Mapping[int, ReceivedInput]
+
+
+class ControllerSteps:
+    """A normal agent's controller that keeps what it was called with."""
+
+    def __init__(self, rows: SafetyRows, i: int) -> None:
+        self.rows, self.i = rows, i
+        self.controller = DistributedController(rows, i)
+        self.steps: list[Knowledge] = []
+        """Of all its control steps."""
+        self.result: StepResult | None = None
+        """Of the last one."""
+
+    def __call__(
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide, as an AgentController does."""
+        self.steps.append(Knowledge(x.copy(), visible, t, dict(received)))
+        self.result = self.controller(x, visible, t, received)
+        return self.result
+
+    def as_adversary(self) -> AgentController:
+        """Return the controller of an attacker, whose steps are not kept."""
+        return DistributedController(self.rows, self.i).as_adversary()
+
+    @property
+    def wish(self) -> Array:
+        """Return the law's input at the last step, or the nearest to it in U_i, shape (m_i,)."""
+        assert self.result is not None
+        rows, i, now = self.rows.seen_by(self.i), self.i, self.steps[-1]
+        inputs, u_nom = rows.terms(i)(now.x, now.seen).polytopes[i], self.result.u_nom
+        u = rows.qp(i).solve(u_nom, inputs)
+        return u_nom if u is None else u
+
+    def under(self, rows: SafetyRows) -> "ControllerSteps":
+        """Decide the same steps with other rows: the last alone, unless radio has a memory."""
+        other = ControllerSteps(rows, self.i)
+        for step in self.steps if other.controller.radio else self.steps[-1:]:
+            other(*step)
+        return other
+
+
+def repeated(recording: Recording, agent: str, t: float) -> ControllerSteps:
+    """Repeat a run up to the last sample of a normal agent at or before t [s].
+
+    Raises EngineError: the run cannot be repeated, or no row made that agent's input.
+    """
+    if recording.step_data:
+        raise EngineError("a run in real time cannot be repeated, and so not be explained")
+    if recording.scenario.safety.centralised:
+        raise EngineError("expected distributed control: one controller decides for all agents")
+    rows = require_runnable(build_swarm(shortened(recording.scenario, t)))
+    names = rows.swarm.names
+    if agent not in names:
+        raise EngineError(f"agent: expected one of {', '.join(names)}, got {agent}")
+    i = names.index(agent)
+    if i not in rows.swarm.normal or rows.swarm.groups[i].controller is not None:
+        raise EngineError(f"agent {agent}: expected a normal agent with rows: it has none")
+    run = Simulation(rows, options=RunOptions("in-process", commands=commands_of(recording)))
+    steps = ControllerSteps(rows, i)
+    run.agents.steps[i] = ControlStep(rows, i, steps)
+    run.advance()
+    times = [step.t for step in recording.steps if step.agent == agent and step.t <= t]
+    if not steps.steps or not times or steps.steps[-1].t != max(times):
+        raise EngineError(f"agent {agent} decided nothing at {t:g} s: it attacks, or was restarted")
+    return steps

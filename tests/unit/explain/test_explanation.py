@@ -1,0 +1,208 @@
+"""An agent's input explained: four that swap places and wait, and what would free them."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from phalanx.cli.app import FAILED, USAGE_ERROR, status
+from phalanx.explain import moments
+from phalanx.explain.advice import FIELDS, changes, frees, least_change
+from phalanx.explain.costs import WISH, row_costs
+from phalanx.explain.explanation import explained
+from phalanx.explain.repetition import ControllerSteps, repeated
+from phalanx.launcher.engine import EngineError
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
+from phalanx.recording.read import Recording
+from phalanx.scenario.load import load
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.safety_filter import FilterInput
+
+SWAP = {
+    "name": "swap",
+    "duration": 8.0,
+    "safety": {
+        "function": {"type": "distance", "radius": 1.0},
+        "rho": 20.0,
+        "alpha": [3.0],
+        "composition": "pairs",
+        "margin": "integrated",
+        "information": "split",
+    },
+    "agents": [
+        {
+            "names": ["a", "b", "c", "d"],
+            "role": "normal",
+            "dynamics": {"type": "single-integrator", "speed": 2.0},
+            "law": {"type": "track-velocity", "gain": 1.0},
+            "clock": {"period": 0.05, "jitter": 0.01},
+            "start": [[5.0, 0.0], [-5.0, 0.0], [0.0, 5.0], [0.0, -5.0]],
+            "goal": [[-5.0, 0.0], [5.0, 0.0], [0.0, -5.0], [0.0, 5.0]],
+        }
+    ],
+}
+ATTACK = {
+    "names": ["z"],
+    "role": "adversary",
+    "dynamics": {"type": "single-integrator", "speed": 0.5},
+    "law": {"type": "pursue"},
+    "clock": {"period": 0.05},
+    "start": [[3.0, 3.0]],
+}
+AGAINST = {"agents": [*SWAP["agents"], ATTACK], "network": {"loss": 0.2, "delay": 0.03}}
+
+
+def recorded(name: str | Mapping[str, Any], overrides: Mapping[str, Any], end: float) -> Recording:
+    scenario, records = load(name, {**overrides, "duration": end}), RecordsInMemory()
+    Simulation(require_runnable(build_swarm(scenario)), records).run()
+    return records.recording(scenario)
+
+
+@pytest.fixture(scope="module")
+def swap() -> Recording:
+    return recorded(SWAP, {}, 8.0)
+
+
+@pytest.fixture(scope="module")
+def waiting(swap: Recording) -> ControllerSteps:
+    return repeated(swap, "a", 6.0)
+
+
+def test_four_that_swap_places_wait_and_the_rows_of_the_nearest_are_named(swap, waiting):
+    agent, t, lines = moments.stuck(swap)
+    assert (agent, len(lines)) == ("a", 4)
+    assert 3.0 < t < 7.0
+    explanation = explained(waiting, changes=False)
+    assert [row.other for row in explanation.binding] == ["c", "d"]
+    words = explanation.sentences()
+    assert len(words) <= 12
+    assert words[0].startswith("Agent a at t = 5.9")
+    assert "The row of c (half) binds: " in words[1]
+    assert "for margin: sampling period" in words[1]
+
+
+# Pairs of both kinds, one row of h_tot with received inputs, proven inputs, own parts.
+@pytest.mark.parametrize(
+    ("name", "overrides", "agent"),
+    [
+        (SWAP, AGAINST, "a"),
+        (SWAP, {**AGAINST, "safety.information": "in-flight"}, "a"),
+        (SWAP, {**AGAINST, "safety.prove": True}, "b"),
+        (SWAP, {**AGAINST, "safety.information": "unknown"}, "c"),
+        ("swarm2d", {}, "3"),
+        ("unicycles", {}, "2"),
+    ],
+)
+@pytest.mark.slow
+def test_the_costs_of_a_row_are_those_of_the_filters_own_row(name, overrides, agent, monkeypatch):
+    steps = repeated(recorded(name, overrides, 2.2), agent, 2.2)
+    rows = []
+    now, controller = steps.steps[-1], steps.controller
+    inside = controller._filter
+
+    def keep(of_step: FilterInput) -> Any:
+        filtered = inside(of_step)
+        rows.append(filtered.rows)
+        return filtered
+
+    monkeypatch.setattr(controller, "_filter", keep)
+    controller(*now)
+    bounds = np.atleast_1d(rows[0].bound)
+    costs = row_costs(steps)
+    u, u_nom = steps.result.decision.u, steps.wish
+    for a, bound in zip(np.atleast_2d(rows[0].a), bounds, strict=True):
+        cost = min(costs, key=lambda cost: abs(cost.bound - bound) + np.abs(cost.a - a).sum())
+        scale = max(1.0, *map(abs, cost.terms.values()))
+        # What separates the wish from the input in this row, but for what the input leaves of it.
+        apart = float(a @ (u_nom - u))
+        assert sum(cost.terms.values()) + cost.left == pytest.approx(apart, abs=1e-9 * scale)
+        assert cost.bound == pytest.approx(bound, abs=1e-9 * scale)
+        assert cost.terms[WISH] == pytest.approx(float(a @ u_nom), abs=1e-9 * scale)
+
+
+@pytest.mark.slow
+def test_an_agent_by_radio_is_held_by_the_age_of_what_it_knows():
+    steps = repeated(recorded("radio", {}, 3.0), "1", 3.0)
+    own_parts = [cost for cost in row_costs(steps) if cost.part == "own part"]
+    (binding, *_) = own_parts
+    assert binding.binds
+    in_metres = binding.in_metres()
+    assert in_metres["required distance"] == pytest.approx(1.0)
+    assert in_metres["age of what is known"] > 1.0
+    fresh = repeated(recorded("radio", {"network.loss": 0, "faults": []}, 3.0), "1", 3.0)
+    ages = [c.in_metres()["age of what is known"] for c in row_costs(fresh) if c.part == "own part"]
+    assert max(ages) < in_metres["age of what is known"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["safety.alpha", "agents.dynamics.speed"])
+def test_a_change_that_is_advised_frees_the_agent_and_a_smaller_one_does_not(waiting, path):
+    (field,) = [field for field in FIELDS if field.path == path]
+    assert not frees(waiting, {})
+    change = least_change(waiting, field)
+    assert change is not None
+    assert frees(waiting, change.overrides)
+    scenario = waiting.rows.swarm.scenario
+    assert not frees(waiting, changes(scenario, field, 0.95 * change.share))
+    assert " ".join(change.overrides) in str(change).replace("--set ", "").split("=")[0]
+
+
+def test_a_field_that_the_scenario_lacks_is_never_advised(waiting):
+    absent = [f for f in FIELDS if not changes(waiting.rows.swarm.scenario, f, 1.0)]
+    assert [field.path for field in absent] == [
+        "safety.eta", "agents.disturbance.bound", "agents.dynamics.acceleration",
+        "agents.radio.gain", "agents.radio.every",
+    ]  # fmt: skip
+    assert [least_change(waiting, field) for field in absent] == [None] * len(absent)
+
+
+@pytest.mark.slow
+def test_rows_that_exclude_one_another_are_named_with_what_each_would_give():
+    between = {"agents.0.start": [[0.0, 0.0], [-0.6, 0.0], [0.6, 0.0], [0.0, -3.0]]}
+    explanation = explained(repeated(recorded(SWAP, between, 0.1), "a", 0.0), changes=False)
+    assert explanation.origin == "backup"
+    assert [other for other, _ in explanation.conflict] == ["b", "c"]
+    assert all(by > 0.0 for _, by in explanation.conflict)
+    assert "each would have to give: b by " in explanation.sentences()[1]
+
+
+def test_what_no_row_made_has_no_explanation(swap):
+    with pytest.raises(EngineError, match="expected one of a, b, c, d, got e"):
+        repeated(swap, "e", 1.0)
+    attacked = recorded(SWAP, AGAINST, 0.3)
+    with pytest.raises(EngineError, match="agent z: expected a normal agent with rows"):
+        repeated(attacked, "z", 0.3)
+    with pytest.raises(EngineError, match="no agent stood for long"):
+        moments.stuck(recorded(SWAP, {}, 1.0))
+
+
+def test_the_worst_moment_is_where_an_input_is_farthest_from_its_wish(swap):
+    agent, t = moments.worst(swap)
+    away = {
+        (step.agent, step.t): float(np.linalg.norm(np.subtract(step.u, step.u_nom)))
+        for step in swap.steps
+    }
+    assert away[agent, t] == max(away.values())
+
+
+@pytest.mark.slow
+def test_the_command_explains_a_recorded_run(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    scenario = load(SWAP)
+    Simulation(require_runnable(build_swarm(scenario)), tmp_path).run()
+    assert status(["explain", str(tmp_path), "--stuck", "--no-changes"]) == 0
+    out = capsys.readouterr().out
+    assert "Agent d waited from " in out
+    assert "margin: sampling period" in out
+    numbers_of = ["explain", str(tmp_path), "--agent", "b", "--at", "2", "--json", "--no-changes"]
+    assert status(numbers_of) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["agent"] == "b"
+    assert {row["other"] for row in numbers["rows"]} == {"a", "c", "d"}
+    assert status(["explain", str(tmp_path)]) == USAGE_ERROR
+    assert "expected one of --at, --worst and --stuck" in capsys.readouterr().err
+    assert status(["explain", str(tmp_path), "--at", "1"]) == USAGE_ERROR
+    assert status(["explain", str(tmp_path), "--agent", "q", "--at", "1"]) == FAILED
