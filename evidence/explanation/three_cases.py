@@ -11,7 +11,10 @@ from typing import Any
 
 import phalanx
 from phalanx.explain import moments
+from phalanx.explain.explanation import explain
 from phalanx.launcher.run import Run
+from phalanx.recording.metrics.table import in_words, metrics_of
+from phalanx.recording.read import swarm_of
 
 FOLDER = Path(__file__).parent
 
@@ -21,7 +24,7 @@ def main() -> None:
         path = FOLDER / f"{name}.toml"
         before = phalanx.run(path, engine="in-process")
         agent, t, _ = moments.stuck(before.recording)
-        explanation = before.explain(agent, t)
+        explanation = explain(before.recording, agent, t)
         print(f"\n{name}: {outcome(before)}", *explanation.sentences(), sep="\n")
         for change in explanation.advice or ():
             print(f"  with {', '.join(change.overrides)}: {outcome(after(path, change.overrides))}")
@@ -35,13 +38,10 @@ def after(path: Path, overrides: dict[str, Any]) -> Run:
 
 
 def outcome(run: Run) -> str:
-    """Describe the verdict, who arrived and the least distance."""
-    metrics = run.metrics
-    agents = metrics.filter(metrics["role"] == "normal")
-    arrived, last = agents["arrived"].sum(), agents["arrival_time"].max()
-    when = f", the last at {last:.1f} s" if arrived == len(agents) else ""
-    least = agents["least_distance"].min()
-    return f"{run.verdict}, {arrived} of {len(agents)} arrived{when}, least distance {least:.2f} m"
+    """Describe the verdict and the task."""
+    swarm = swarm_of(run.recording)
+    normal = [swarm.names[i] for i in swarm.normal]
+    return f"{run.verdict}, {in_words(metrics_of(run.recording, swarm), normal)}"
 
 
 if __name__ == "__main__":

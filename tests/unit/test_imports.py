@@ -123,7 +123,7 @@ BUDGET: Mapping[str, int] = {
     "recording": 2250,
     "report": 2010,
     "scenario": 1580,
-    "schema": 820,
+    "schema": 830,
     "seeded": 180,
     "studies": 2210,
     "swarm": 1920,

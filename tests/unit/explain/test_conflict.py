@@ -1,4 +1,4 @@
-"""The least set of rows that exclude one another, beside every subset tried."""
+"""The least set of rows that exclude one another, compared with every subset."""
 
 from itertools import chain, combinations
 
