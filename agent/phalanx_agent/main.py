@@ -4,9 +4,7 @@ import contextlib
 import gc
 import logging
 import signal
-import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import cache
 from queue import SimpleQueue
 
@@ -44,28 +42,11 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     Raises:
         HubError: the hub cannot be reached. Exception: that of a control step.
     """
-    return _take_part(control_steps(rows, membership.identity, membership), membership)
-
-
-def run_together(rows: SafetyRows, memberships: Sequence[Membership]) -> int:
-    """Run several agents in this process, each with a session, keys and an inbox of its own.
-
-    Returns and raises as run, once all have left.
-    """
-    # All theory is built first: CasADi is not for several threads.
-    built = [(control_steps(rows, own.identity, own), own) for own in memberships]
-    with ThreadPoolExecutor(len(built)) as threads:
-        tasks = [threads.submit(_take_part, *program) for program in built]
-    return max(task.result() for task in tasks)
-
-
-def _take_part(steps: list[ControlStep], membership: Membership) -> int:
-    """Answer samples until the plant leaves."""
+    steps = control_steps(rows, membership.identity, membership)
     keys, sealer, swarm = membership.keys, membership.sealer, steps[0].swarm
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
+    signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
     timeout = swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),

@@ -55,12 +55,6 @@ Commands = Annotated[
         help="With --view: the page may pause, step, change the network, kill and so on.",
     ),
 ]
-AgentsPerProcess = Annotated[
-    int,
-    typer.Option(
-        min=1, help="Agents that share a process, for a large swarm; no fault may kill one of them."
-    ),
-]
 Port = Annotated[
     int | None,
     typer.Option(
@@ -88,7 +82,6 @@ def run(
     speed: Speed = None,
     commands: Commands = False,
     port: Port = None,
-    agents_per_process: AgentsPerProcess = 1,
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
 
@@ -130,8 +123,6 @@ def run(
     from phalanx.guarantee.verdict import exit_status
     from phalanx.recording.write import RecordingError
 
-    if agents_per_process > 1 and (commands or not ENGINES[engine].hub):
-        raise typer.BadParameter("--agents-per-process: expected no --commands or other engine")
     if not view and (commands or port is not None):
         raise typer.BadParameter("--commands, --port: expected --view with them")
     policy = phalanx.CommandPolicy(
@@ -151,7 +142,6 @@ def run(
                     secret=secret.encode(),
                     announce=page.serve if page else silent,
                     real_time=real_time,
-                    agents_per_process=agents_per_process,
                 )
         except (phalanx.EngineError, RecordingError) as error:
             echo_error(f"broken: {error}")

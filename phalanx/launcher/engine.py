@@ -101,8 +101,6 @@ class RunOptions:
         announce: called with the run's folder when viewers can connect.
         real_time: seconds of virtual time per second of wall time; the plant then waits for no
             agent, and Summary.punctuality counts what was missed or late. By default lockstep.
-        agents_per_process: agents that share a process of engine "processes". Each keeps its own
-            session, keys and inbox; it takes less memory, and start-up less time.
 
     Raises ValueError: there is no such engine, it does not support one of the other options, or
     a callback cannot be called.
@@ -117,7 +115,6 @@ class RunOptions:
     secret: bytes = field(default=b"", repr=False)
     announce: Announce = silent
     real_time: float | None = None
-    agents_per_process: int = 1
 
     def __post_init__(self) -> None:
         hub = require_engine(self.engine).hub
@@ -134,13 +131,6 @@ class RunOptions:
             raise ValueError(
                 f"real_time: expected a factor above 0 and at most {FASTEST:g}, and engine {able}"
             )
-        together = self.agents_per_process > 1
-        if self.agents_per_process < 1 or (together and not hub):
-            raise ValueError(
-                "agents_per_process: expected 1 or more; on an engine without a hub, 1"
-            )
-        if together and (self.commands.secret or self.commands.schedule):
-            raise ValueError("agents_per_process: expected 1 with commands: they may kill an agent")
 
 
 def execute(

@@ -54,8 +54,6 @@ def run_processes(
             f"{name} is of this script or notebook, which other processes cannot import: write it "
             "into a file of its own, or take engine 'in-process'"
         )
-    if options.agents_per_process > 1:
-        _require_alone(scenario)
     with Processes(scenario) as processes, reserved_endpoint() as endpoint:
         processes.require_runnable()
         folder = make_folder()
@@ -103,20 +101,7 @@ def _run(
 
 def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
     plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
-    names, many = list(scenario.programs()), options.agents_per_process
-    together = [names[k : k + many] for k in range(0, len(names), many)]
-    agents = [Program(first, others=tuple(others)) for first, *others in together]
-    return [Program(PLANT, plant), *agents]
-
-
-def _require_alone(scenario: Scenario) -> None:
-    """Raise EngineError if a fault is of the process of one agent."""
-    for n, fault in enumerate(scenario.faults):
-        if _is_of_process(fault):
-            raise EngineError(
-                f"faults.{n}: expected one agent a process, to {fault.kind} one: leave "
-                "--agents-per-process out"
-            )
+    return [Program(PLANT, plant), *map(Program, scenario.programs())]
 
 
 def _may_lose(scenario: Scenario, options: RunOptions) -> bool:

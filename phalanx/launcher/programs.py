@@ -20,7 +20,6 @@ from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 
 PROGRAMS = _PLANT, _AGENT = "phalanx_plant.main:run", "phalanx_agent.main:run"
-_TOGETHER = "phalanx_agent.main:run_together"
 """The programs, imported where they run, and not here."""
 
 _PR_SET_PDEATHSIG = 1
@@ -33,8 +32,6 @@ class Program(NamedTuple):
     identity: str
     """Its name in the run; its log is <identity>.log."""
     options: Mapping[str, Any] = {}
-    others: tuple[str, ...] = ()
-    """Further agents in the same process."""
 
     @property
     def title(self) -> str:
@@ -62,15 +59,9 @@ def run_child(program: Program, rows: SafetyRows, membership: Membership, logs: 
             # blocked: the plant alone reacts to them.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        first, *others = (
-            membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names)
-            for name in (program.identity, *program.others)
-        )
-        if others:
-            run_together = pkgutil.resolve_name(_TOGETHER)
-            status = run_together(rows, [first, *others], **program.options)
-        else:
-            status = run_program(rows, first, program.options)
+        served = rows.swarm.programs.get(program.identity, ())
+        own = membership.of(program.identity, served, rows.swarm.names)
+        status = run_program(rows, own, program.options)
     except BaseException:
         traceback.print_exc()
     finally:

@@ -109,14 +109,14 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 940,
-    "cli": 1510,
+    "agent": 920,
+    "cli": 1490,
     "explain": 740,
     "faults": 1030,
     "guarantee": 2640,
     "hosts": 340,
     "knowledge": 1540,
-    "launcher": 2320,
+    "launcher": 2280,
     "messages": 880,
     "network": 1410,
     "plant": 5110,
@@ -125,7 +125,7 @@ BUDGET: Mapping[str, int] = {
     "scenario": 1580,
     "schema": 830,
     "seeded": 180,
-    "studies": 2210,
+    "studies": 2100,
     "swarm": 1920,
     "theory": 9580,
     "viewer": 4990,

@@ -1,7 +1,6 @@
 """The figures of a study, from groups of its runs."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -117,38 +116,6 @@ def one_of_each_seed(runs: pl.DataFrame) -> Array:
         for seed, values in of_seed.iter_rows()
     ]
     return np.array(chosen)
-
-
-class Point(NamedTuple):
-    """A point of cost against safety; less of both is better."""
-
-    name: str
-    worst_h: float
-    cost: float
-
-
-def front(points: Sequence[Point]) -> list[Point]:
-    """Return the points than which no other is as good in one and better in the other."""
-    best, best_points = np.inf, []
-    for point in sorted(points, key=lambda point: (point.worst_h, point.cost)):
-        if point.cost < best:
-            best = point.cost
-            best_points.append(point)
-    return best_points
-
-
-def cost_figure(points: Sequence[Point], cost: str) -> Figure:
-    """Draw cost against safety, and the front of the points that no other beats."""
-    figure, (axes,) = panels(1, 3.4)
-    best = front(points)
-    _, x, y = zip(*points, strict=True)
-    axes.plot(x, y, "o", color=NORMAL, alpha=0.5, markersize=4, label="all")
-    _, x, y = zip(*best, strict=True)
-    axes.step(x, y, "o-", where="post", color=PEAK, markersize=5, label="not beaten")
-    _safety(axes)
-    axes.set_ylabel(cost)
-    legend(axes)
-    return figure
 
 
 def _safety(axes: Axes) -> None:

@@ -11,24 +11,8 @@ import polars as pl
 from phalanx.guarantee.verdict import Outcome
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.schema.notebook import html_table
-from phalanx.studies.page.figures import (
-    Point,
-    cost_figure,
-    distribution_figure,
-    front,
-    heat_figure,
-    rates_figure,
-)
-from phalanx.studies.page.groups import (
-    MOST_GROUPS,
-    Group,
-    by_axis,
-    group,
-    in_percent,
-    in_words,
-    labels,
-    outcomes_of,
-)
+from phalanx.studies.page.figures import distribution_figure, heat_figure, rates_figure
+from phalanx.studies.page.groups import Group, by_axis, group, in_percent, labels, outcomes_of
 from phalanx.studies.row import REFUSED, counted, without_effect
 from phalanx.studies.statistics import Rate
 
@@ -37,13 +21,11 @@ _MOST_MAPS = 3
 """Most pairs of axes that have heat maps."""
 _MOST_CURVES = 4
 """Most distributions in one figure."""
-_MOST_POINTS = 1000
 _LONGEST = 300
 """Most letters of a cell."""
-_COSTS = {"input_deviation_mean": "‖u - u_nom‖, mean", "tracking_error_mean": "tracking error [m]"}
 _COLUMNS = (
     "seed", "outcome", "worst_h", "worst_at", "worst_pair", "certified", "shortest", "empty",
-    "faults", *_COSTS, "searched", "reason",
+    "faults", "input_deviation_mean", "tracking_error_mean", "searched", "reason",
 )  # fmt: skip
 _INTERVALS = (
     "In brackets: 95 % intervals, each by itself. They are Clopper and Pearson's; where runs share "
@@ -77,7 +59,6 @@ def write_study_page(
         *(section(f"Over {axis}", _over(axis, parts)) for axis, parts in groups.items()),
         *_maps(runs, axes),
         *_distribution(runs, groups),
-        *_costs(runs, axes),
         section("Rows, the worst first", _rows(frame, axes, command)),
     ]
     return save_page(path, title, parts, about=_counts(frame, runs))
@@ -175,37 +156,6 @@ def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> 
         if absent := runs["worst_h"].null_count():
             caption += f" {absent} runs without h are left out."
         yield section("Worst h", drawing(caption, partial(distribution_figure, curves)))
-
-
-def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
-    """Make the figures of cost against safety."""
-    for column, cost in _COSTS.items():
-        points, of = cost_points(runs, axes, column)
-        if points:
-            caption = f"{column} against the worst h, of {of}. Less of both is better."
-            best = [(p.name, f"{p.worst_h:.4g}", f"{p.cost:.4g}") for p in front(points)]
-            best_points = table(("not beaten in both", "worst h", column), best)
-            curve = drawing(caption, partial(cost_figure, points, cost))
-            yield section(f"Cost against safety: {column}", curve + best_points)
-
-
-def cost_points(runs: pl.DataFrame, axes: Sequence[str], column: str) -> tuple[list[Point], str]:
-    """Return the points of cost against safety, and of what they are.
-
-    Points of a grid have their mean cost and their largest worst h; without a grid each run is a
-    point.
-    """
-    ended = runs.drop_nulls([column, "worst_h"])
-    cells = ended.group_by(axes, maintain_order=True).agg(pl.max("worst_h"), pl.mean(column))
-    if axes and cells.height <= MOST_GROUPS**2 and cells.height < ended.height:
-        of = "each point of the grid: the mean cost, and the largest worst h of its runs"
-    else:
-        cells, of = ended.head(_MOST_POINTS), f"the first {min(len(ended), _MOST_POINTS)} runs"
-    points = [
-        Point(", ".join(f"{a} = {in_words(row[a])}" for a in axes), row["worst_h"], row[column])
-        for row in cells.iter_rows(named=True)
-    ]
-    return points, of
 
 
 def _rows(

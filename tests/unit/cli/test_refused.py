@@ -18,8 +18,6 @@ REFUSED = [
     ("run unicycles --seed=-1", "seed: expected greater than or equal to 0, got -1"),
     ("run unicycles --engine warp", "'--engine'"),
     ("run unicycles --engine in-process --view", "--engine in-process"),
-    ("run unicycles --engine in-process --agents-per-process 2", "--agents-per-process"),
-    ("run unicycles --agents-per-process 0", "'--agents-per-process'"),
     ("run unicycles --out file", "--out"),
     ("run unicycles --out file/runs", "--out"),
     ("run unicycles --real-time 0", "'--real-time'"),

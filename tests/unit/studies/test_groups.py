@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.studies.page.figures import Point, front, one_of_each_seed, short
+from phalanx.studies.page.figures import one_of_each_seed, short
 from phalanx.studies.page.groups import MOST_GROUPS, by_axis, group, labels
 from phalanx.studies.row import counted
 from phalanx.studies.statistics import betting, clopper_pearson
@@ -76,21 +76,6 @@ def test_groups_hold_all_runs_of_their_value():
     assert [each.rows["index"].to_list() for each in groups] == [
         list(range(start, 30, 3)) for start in range(3)
     ]
-
-
-points = st.lists(st.tuples(st.integers(-5, 5), st.integers(0, 9)), min_size=1, max_size=30)
-
-
-@given(points)
-def test_the_front_is_what_nothing_beats(pairs):
-    every = [Point("", float(h), float(cost)) for h, cost in pairs]
-
-    def beats(one: Point, other: Point) -> bool:
-        no_worse = one.worst_h <= other.worst_h and one.cost <= other.cost
-        return no_worse and (one.worst_h, one.cost) != (other.worst_h, other.cost)
-
-    expected = {each for each in every if not any(beats(other, each) for other in every)}
-    assert set(front(every)) == expected
 
 
 def test_a_distribution_has_one_run_of_each_seed_whatever_the_order():

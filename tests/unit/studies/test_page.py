@@ -50,16 +50,15 @@ def test_every_section_is_there(markup):
     assert re.findall("<h2>(.*?)</h2>", markup) == [
         "Outcomes", "Over network.loss", "Over safety.information",
         "network.loss and safety.information", "Worst h",
-        "Cost against safety: input_deviation_mean", "Cost against safety: tracking_error_mean",
         "Rows, the worst first",
     ]  # fmt: skip
-    assert len(drawings(markup)) == 7
+    assert len(drawings(markup)) == 5
     assert "800 rows; 800 runs with 100 seeds" in markup
 
 
 def test_the_page_needs_nothing_but_itself(markup):
     sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>#]+)""", markup)
-    assert len(sources) == 7
+    assert len(sources) == 5
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
     inside = [s for each in drawings(markup) for s in re.findall(r'(?:href="|url\()([^")]+)', each)]
     assert inside
@@ -67,7 +66,7 @@ def test_the_page_needs_nothing_but_itself(markup):
 
 
 def test_every_picture_is_described_and_turns_dark_with_the_page(markup):
-    assert len(re.findall(r'<img alt="[^"]{30,}" src', markup)) == 7
+    assert len(re.findall(r'<img alt="[^"]{30,}" src', markup)) == 5
     for drawing in drawings(markup):
         ET.fromstring(drawing)
         assert "prefers-color-scheme:dark" in drawing
@@ -164,7 +163,6 @@ def test_runs_without_numbers_have_a_page_without_those_figures(tmp_path):
     rows = [{"loss": 0.1, "seed": i, "outcome": "broken"} for i in range(3)]
     markup = page(frame(rows), tmp_path, ["loss"])
     assert "Worst h" not in markup
-    assert "Cost" not in markup
     assert len(drawings(markup)) == 1
 
 
