@@ -155,7 +155,7 @@ def space_time(history: ReportHistory) -> Figure | None:
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
     steps = [history.agent(i) for i in range(len(names))]
     moment = float(history.times[history.worst])
-    begin, end = zoom_window(steps, moment, float(history.times[-1]))
+    begin, end = zoom_window(steps, moment, float(history.times[-1]), history.swarm.broadcast_every)
     _draw_whole(whole, history)
     whole.axvspan(begin, end, color="#000000", alpha=0.15, linewidth=0)
     _draw_zoom(zoom, history, agents, begin, end)

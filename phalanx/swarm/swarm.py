@@ -216,6 +216,11 @@ class Swarm:
             for i in self.normal
         }
 
+    @property
+    def broadcast_every(self) -> int:
+        """Most samples of an agent from one broadcast to the next."""
+        return max((b.every for b in self.broadcasters.values()), default=1)
+
     def _radio(self, i: int) -> tuple[int, ...]:
         radio = self.groups[i].radio
         return (len(self.members[i].dynamics.states), radio.every, radio.relays) if radio else ()

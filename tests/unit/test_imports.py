@@ -120,7 +120,7 @@ BUDGET: Mapping[str, int] = {
     "messages": 880,
     "network": 1410,
     "plant": 5110,
-    "recording": 2250,
+    "recording": 2280,
     "report": 2010,
     "scenario": 1580,
     "schema": 830,
@@ -128,7 +128,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2100,
     "swarm": 1920,
     "theory": 9580,
-    "viewer": 4990,
+    "viewer": 5210,
     "wire": 600,
 }
 EXTENSIONS = {

@@ -1,18 +1,25 @@
 """Beliefs by radio: what agents knew of their peers, followed again from a recording."""
 
 from collections import defaultdict
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.faults.commands import ProcessChange
+from phalanx.knowledge.held import halves
+from phalanx.knowledge.motion import stacked
 from phalanx.recording.curves.series import Series
 from phalanx.recording.fates import RecordedFates
 from phalanx.recording.read import Recording
+from phalanx.swarm.points import agent_point
 from phalanx.swarm.radio import PeerKnowledge
 from phalanx.swarm.statements import OwnStatement, StatementLedger
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import length
+from phalanx.theory.safety.composition import Pair
+from phalanx.theory.safety.function import Distance, Separation
 
 
 class Belief(NamedTuple):
@@ -123,3 +130,21 @@ class Beliefs:
             newest = np.searchsorted([n.t for n in of_peer], t, side="right") - 1
             ages[l] = Series(t, np.where(newest < 0, np.nan, t - stamps[newest]))
         return ages
+
+
+def braking_values(swarm: Swarm, states: Array) -> tuple[list[str], Array]:
+    """Return the names of pairs of peers by radio, and V of each at some states, shape (s, p) [m].
+
+    V = R + 2ρ + L(v_i) + L(v_j) - d, of states: agents keep it below 0 for their references, which
+    are within ρ of them. states: stacked, shape (s, n̄).
+    """
+    parts, function = swarm.safe_set.parts, swarm.safety.safe_set_function
+    assert isinstance(function, Distance | Separation), "no other goes with a radio"
+    points = {i: agent_point(swarm, i) for i in swarm.normal if swarm.peers(i)}
+    names = [swarm.safe_set.label(Pair(*sides)) for sides in combinations(points, 2)]
+    motions = stacked([point.motion for point in points.values()])
+    p, v = halves(np.array([[of.of(x[parts[i]]) for i, of in points.items()] for x in states]))
+    ways = motions.tube + motions.stopping(length(v))
+    a, b = np.triu_indices(len(points), 1)
+    V: Array = function.radius + ways[:, a] + ways[:, b] - length(p[:, a] - p[:, b])
+    return names, V

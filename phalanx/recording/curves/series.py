@@ -212,10 +212,15 @@ def lanes(
     )
 
 
-def zoom_window(steps: Sequence[AgentSeries], worst: float, end: float) -> tuple[float, float]:
-    """Begin and end of a few control steps around the worst moment of a run, or at its end [s]."""
+def zoom_window(
+    steps: Sequence[AgentSeries], worst: float, end: float, every: int = 1
+) -> tuple[float, float]:
+    """Begin and end of a few control steps around the worst moment of a run, or at its end [s].
+
+    every: steps from one broadcast to the next.
+    """
     gaps = [float(np.median(np.diff(s.sampled))) for s in steps if len(s.sampled) > 1]
-    width = _ZOOM_STEPS * max(gaps, default=1.0)
+    width = max(_ZOOM_STEPS, 2 * every) * max(gaps, default=1.0)
     begin = max(min(worst - width / 2.0, end - width), 0.0)
     return begin, begin + width
 

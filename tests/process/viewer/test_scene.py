@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.scene.cameras import Camera, Framing, View
+from phalanx_viewer.scene.colours import age_colour
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import SceneServer, in_loop, open_page
 from PIL import Image
@@ -70,8 +71,12 @@ def positions(replay: Replay) -> Array:
 
 def paints(tab: "Tab", view: View, picture: Picture) -> bool:
     """True if the browser painted every agent's colour at its pixel."""
+    return paints_at(tab, view, picture.positions, picture.colours)
+
+
+def paints_at(tab: "Tab", view: View, points: Array, colours: Array) -> bool:
     page = np.array(Image.open(BytesIO(tab.screenshot())).convert("RGB"), dtype=float)
-    for at, rgb in zip(picture.positions, picture.colours, strict=True):
+    for at, rgb in zip(points, colours, strict=True):
         across, down = (round(part) for part in pixel(tab, view, at))
         patch = page[down - 12 : down + 12, across - 12 : across + 12]
         lengths = np.linalg.norm(patch, axis=2) * np.linalg.norm(rgb)
@@ -93,6 +98,29 @@ def test_the_camera_holds_all_agents_throughout(
             replay.seek(t)
             wait_for(lambda: view().holds(positions(replay)))
             wait_for(lambda: paints(tab, view(), Picture(replay.model, replay.frame(replay.t))))
+
+
+def test_ghosts_of_the_chosen_agents_peers_have_the_colour_of_their_age_until_hidden(
+    tab: "Tab", tmp_path: Path
+) -> None:
+    """Two robots without loss but one broadcast each in 1.75 s: they are not where they were."""
+    two = {"agents.0.count": 2, "agents.0.start": [[4.0, 0.0, -2.0, 0.0], [-4.0, 0.0, 0.0, 2.0]]}
+    few = {"agents.0.goal": [[-4.0, 0.0], [-4.0, 9.0]], "agents.0.radio.every": 50, "faults": []}
+    scenario = phalanx.load("radio", {**two, **few, "duration": 1.5, "agents.0.spread": [0.0] * 4})
+    replay = open_replay(phalanx.run(scenario, engine="in-process", out=tmp_path).folder)
+    assert replay.radio is not None
+    (belief,) = replay.radio.at(0, replay.end)
+    centre = np.array([[*belief.centre, 0.0]])
+    with served(replay) as page:
+        view = open_tab(tab, page.server)
+        replay.seek(replay.end)
+
+        def shows_ghost() -> bool:
+            return paints_at(tab, view(), centre, np.array([age_colour(belief.age)]))
+
+        wait_for(shows_ghost)
+        tab.get_by_role("checkbox", name="Beliefs by radio").uncheck(force=True)
+        wait_for(lambda: not shows_ghost())
 
 
 FROM_ABOVE = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)

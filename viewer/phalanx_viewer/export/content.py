@@ -7,8 +7,9 @@ import numpy as np
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.messages.step_report import QUANTITIES
+from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.curves.history import recorded_series
-from phalanx.recording.curves.series import unit_of
+from phalanx.recording.curves.series import Series, unit_of
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.swarm import Swarm
@@ -49,12 +50,14 @@ class Content:
     def __init__(self, recording: Recording, model: SceneModel) -> None:
         self.recording, self.model, self.x = recording, model, recording.x
         self.poses = [model.kinematics.poses(x) for x in self.x]
+        self.radio = Beliefs(recording, model.swarm) if model.swarm.by_radio else None
+        """What agents knew of one another; None where they see one another."""
         self.pairs, self.h = near_pairs(model.swarm, self.x)
         """Pairs that were the worst one of some agent, and their h, shape (s, r)."""
         self.labels = [model.label(pair) for pair in self.pairs]
 
     def numbers(self) -> Iterator[Numbers]:
-        """h of the swarm and of the pairs; every agent's states, and numbers of its steps."""
+        """h of the swarm and of pairs; each agent's states, numbers of its steps, and ages."""
         t, swarm, steps = self.recording.times, self.model.swarm, steps_by_agent(self.recording)
         h = {"h_tot": self.recording.h_tot}
         h |= {f"h_{label}": of for label, of in zip(self.labels, self.h.T, strict=True)}
@@ -73,6 +76,17 @@ class Content:
                 f"agents/{name}/step", f"{kind}Step", series.sampled, values,
                 inputs | of_quantities, origins,
             )  # fmt: skip
+
+        if self.radio:
+            for i in self.radio.news:
+                yield self._ages(self.radio, i)
+
+    def _ages(self, radio: Beliefs, i: int) -> Numbers:
+        """Return ages of what agent i knew; of itself NaN, so that all agents' have one type."""
+        t, ages, names = np.array(radio.sampled[i]), radio.ages(i), self.model.names
+        unknown = Series(t, np.full(len(t), np.nan))
+        values = {names[l]: ages.get(l, unknown).y for l in radio.news}
+        return Numbers(f"agents/{names[i]}/ages", "Ages", t, values, dict.fromkeys(values, "s"))
 
     def violated(self) -> Iterator[tuple[dict[str, tuple[Array, Array]], list[str]]]:
         """Ends [m] of each pair with h > 0, by its name, and pairs that are over, at each state.

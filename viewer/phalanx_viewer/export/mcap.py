@@ -8,6 +8,8 @@
 | /agents/<name>/state | every state by its name |
 | /agents/<name>/step | u_<input> and nominal_<input>, residual, margin and so on, origin |
 | /h | h_tot, and h of the pairs that were the worst one of some agent; safe is h <= 0 |
+| /agents/<name>/beliefs | foxglove.SceneUpdate: where peers by radio can be; up to 24 agents |
+| /agents/<name>/ages | ages of what it knew of each peer by radio [s] |
 | /log | foxglove.Log |
 
 Units are in the metadata of each channel. Times are virtual, from 0 on.
@@ -51,15 +53,19 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from phalanx.files import whole_file
+from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.scenario.model import to_json
 from phalanx.theory.arrays import Array
 from phalanx_viewer.export.content import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
+from phalanx_viewer.scene.ghosts import belief_shapes
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
 
 WORLD = "world"
 """The fixed frame; every agent has one of its own, by its name."""
+_BELIEFS_PERIOD = 0.1
+"""Least time between two messages with an agent's beliefs [s]."""
 
 
 class TimedMessage(NamedTuple):
@@ -77,6 +83,8 @@ def write_mcap(content: Content, path: Path) -> None:
     with whole_file(path) as part, part.open("wb") as file:
         channels = _Channels(Writer(file))
         sources = [_moving(content), *map(_messages, content.numbers()), _log(content)]
+        if content.radio and not content.model.crowded:
+            sources += [_beliefs(content, content.radio, i) for i in content.radio.news]
         for timed in heapq.merge(*sources, key=lambda timed: timed.t):
             channels.write(timed)
         channels.finish(content)
@@ -168,6 +176,18 @@ def identifiers(names: Iterable[str]) -> list[str]:
         again = sum(re.fullmatch(rf"{plain}(_\d+)?", other) is not None for other in fields)
         fields.append(f"{plain}_{again + 1}" if plain in fields else plain)
     return fields
+
+
+def _beliefs(content: Content, radio: Beliefs, i: int) -> Iterator[TimedMessage]:
+    """Draw the beliefs of agent i a few times a second, on a topic that can be hidden."""
+    topic, due = f"/agents/{content.model.names[i]}/beliefs", 0.0
+    for t in radio.sampled[i]:
+        if t >= due:
+            due = t + _BELIEFS_PERIOD
+            entity = SceneEntity(timestamp=stamp(t), frame_id=WORLD, id=topic)
+            for shape in belief_shapes(radio.at(i, t)):
+                _add(entity, shape)
+            yield TimedMessage(t, topic, SceneUpdate(entities=[entity]))
 
 
 def _log(content: Content) -> Iterator[TimedMessage]:

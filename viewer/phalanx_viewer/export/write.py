@@ -74,9 +74,11 @@ def _document(replay: Replay, progress: Callable[[str], None]) -> str:
     scene, summary = _scene(replay, times, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
+    chosen = _chosen(replay) or 0
+    agents = sorted(range(len(replay.model.names)), key=lambda i: i != chosen)
     data = {
         "verdict": ": ".join(verdict),
-        "content": content(replay, range(len(replay.model.names)), seekable=True),
+        "content": content(replay, agents, seekable=True),
         "times": times,
     }
     # A tag or a comment in the data could end the element that holds them.
@@ -96,17 +98,27 @@ def _scene(replay: Replay, times: list[float], progress: Callable[[str], None]) 
         begin_with(server, replay.model, trajectory.reshape(-1, 3))
         scene = Scene(server, replay.model, lambda _: None)
         scene.expect(trajectory)
-        scene.show(Picture(replay.model, replay.frame(replay.t)), None)
+        chosen = _chosen(replay)
+        scene.show(Picture(replay.model, replay.frame(replay.t)), chosen)
         film = server.get_scene_serializer()
         # viser's player starts again at the end of a film: its last picture must stay before that.
         for t, following in zip(times, [*times[1:], times[-1] + _FRAME_PERIOD], strict=True):
-            scene.show(Picture(replay.model, replay.frame(t)), None)
+            beliefs = replay.radio.at(chosen, t) if replay.radio and chosen is not None else ()
+            scene.show(Picture(replay.model, replay.frame(t)), chosen, beliefs)
             scene.lines.show_recent_paths(replay.recent_paths(t))
             film.insert_sleep(following - t)
             progress(f"scene, t = {t:.2f} of {replay.end:.2f} s")
         return film.as_html()
     finally:
         server.stop()
+
+
+def _chosen(replay: Replay) -> int | None:
+    """Return the agent whose beliefs a film shows: by radio, one of the worst pair if it can."""
+    if replay.radio is None:
+        return None
+    news = replay.radio.news
+    return min(news, key=lambda i: (i not in replay.history.worst_pair, i))
 
 
 def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:

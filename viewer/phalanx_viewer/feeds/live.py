@@ -14,6 +14,7 @@ from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Ended
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals, Sealer
+from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
 from phalanx.theory.arrays import Array
@@ -45,6 +46,8 @@ class Live(AbstractContextManager["Live"]):
         """The verdict, once there is one."""
         self.over = False
         """True once the plant has left."""
+        self.radio: Beliefs | None = None
+        """Only a recording has what agents knew of one another."""
         self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
         # Frames arrive in a thread of Zenoh's, which must return at once. The page's thread adds

@@ -12,6 +12,7 @@ from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.messages.step_report import AppliedStep
+from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Level, Step
@@ -43,6 +44,9 @@ class Replay:
         self.log = [LogLine(line.t, line.text) for line in recording.log]
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
+        swarm = self.model.swarm
+        self.radio = Beliefs(recording, swarm) if swarm.by_radio else None
+        """What agents knew of one another; None where they see one another."""
         self._commands = recording.commands
         self._worst = np.maximum.accumulate(self.history.h)
         self._crossings = [line for line in recording.log if line.pair]

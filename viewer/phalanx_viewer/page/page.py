@@ -72,7 +72,7 @@ class Visitor:
         server.run_script("script", script, client)
         self.scene = Scene(client, feed.model, self.select)
         self._panels = Panels(client.gui, feed.model, self.select)
-        add_display(client.gui, self.scene)
+        add_display(client.gui, self.scene, feed.model)
         self._paths_due, self._pair = 0.0, 0
         self.follow(feed)
 
@@ -114,7 +114,10 @@ class Visitor:
             # with the paths: a page that was fresh without them would never get its last ones.
             self.stale, self._paths_due = False, now + _PATH_PERIOD
         with self.client.atomic():
-            self.scene.show(picture, self.selected)
+            radio = self._feed.radio
+            self.scene.show(
+                picture, self.selected, radio.at(self.selected, frame.t) if radio else ()
+            )
             self._panels.show(frame, self.selected, self._feed)
             values = values_at(self._feed, frame, self.selected, self._pair)
             clock = {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}

@@ -1,5 +1,5 @@
 // The space-time diagram: the whole run, or its worst moment broadcast by broadcast.
-const LATE = "#e8a200", LOST = "#d62728", FALSE = "#06b6d4";
+const LATE = "#e8a200", LOST = "#d62728", FALSE = "#06b6d4", RELAYED = "#0daa9b";
 let zoomed = false;
 
 // In to the worst moment, or out again.
@@ -36,14 +36,16 @@ function drawLanes(p, lanes, X, down) {
 }
 
 // A lane for each agent, a dot for each of its steps, a line for each broadcast from its sender to
-// its receiver, or half way there if it was lost.
-const FATES = { "in time": "#9fb2ca", late: LATE, lost: LOST, false: FALSE };
+// its receiver, or half way there if it was lost; a dotted one for a state that others relayed.
+const FATES = { "in time": "#9fb2ca", late: LATE, lost: LOST, false: FALSE, relayed: RELAYED };
+const DASHES = { lost: [3, 2], relayed: [1, 3] };
 function drawZoom(p, { steps, broadcasts }, X, down) {
   const high = down / steps.length, Y = i => TOP + (i + 0.5) * high;
   steps.forEach((_, i) => line(p, [[LEFT, Y(i)], [p.canvas.width, Y(i)]], colour("line"), 1));
   for (const [sender, sent, receiver, arrival, fate] of broadcasts) {
     const lost = fate === "lost", end = lost ? (sender + receiver) / 2 : receiver;
-    line(p, [[X(sent), Y(sender)], [X(arrival), Y(end)]], FATES[fate], 1, lost ? [3, 2] : []);
+    line(p, [[X(sent), Y(sender)], [X(arrival), Y(end)]], FATES[fate], fate === "relayed" ? 1.5 : 1,
+      DASHES[fate]);
   }
   steps.forEach((times, i) => {
     p.fillStyle = content.adversaries[i] ? LOST : colour("chosen");

@@ -14,11 +14,13 @@ import numpy as np
 from phalanx.faults.commands import Condition
 from phalanx.messages.frames import Frame
 from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
+from phalanx.recording.curves.beliefs import braking_values
 from phalanx.recording.curves.history import (
     EMPTY_CODES,
     FATES,
     AgentSeries,
     ConditionChange,
+    RecordedHistory,
     smallest_distance,
 )
 from phalanx.recording.curves.series import (
@@ -48,6 +50,7 @@ _MOST_INTERVALS = 50, 200
 _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
 _PSI, _INPUT = "ψ_{}", "Input {} and nominal"
+_V, _AGES = "V of the worst pairs by radio", "Age of peers' states"
 _STEPS = 500
 """Presses of an arrow key from the run's begin to its end."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
@@ -80,8 +83,8 @@ class Lane(msgspec.Struct):
     """1 if it sent a false broadcast, else 0."""
 
 
-FALSE = "false"
-"""The fate in a Zoom of a false broadcast."""
+FALSE, RELAYED = "false", "relayed"
+"""Fates in a Zoom: of a false broadcast; of a state that others brought to the chosen agent."""
 
 
 class Zoom(msgspec.Struct):
@@ -92,7 +95,8 @@ class Zoom(msgspec.Struct):
     steps: list[list[float]]
     """Times of each agent's steps."""
     broadcasts: list[tuple[int, float, int, float, str]]
-    """Sender, time sent, receiver, time of arrival and fate of each."""
+    """Sender, time sent, receiver, time of arrival and fate of each; of a relayed one its first
+    sender, and when the receiver sampled next."""
 
 
 class Plot(msgspec.Struct):
@@ -229,7 +233,7 @@ class _Plots:
         self, feed: Feed, curves_of: Sequence[int], times: tuple[float, float, float]
     ) -> None:
         """times: begin and end of the plots, and the latest time known of the run [s]."""
-        self._model, self._past = feed.model, feed.history
+        self._model, self._past, self._radio = feed.model, feed.history, feed.radio
         self._curves_of, self._times = curves_of, times
         self.steps = {i: self._past.agent(i) for i in range(len(self._model.names))}
         points = _POINTS_OF_ALL // max(len(curves_of), 1)
@@ -257,6 +261,7 @@ class _Plots:
         return [
             Plot(_H_TOT, unit_of_psi(scenario), bold(1), _UNSAFE_ABOVE_0),
             Plot(_WORST_PAIRS, unit_of_psi(scenario), pairs, _UNSAFE_ABOVE_0),
+            *self._braking(),
             Plot(_DISTANCE, "m", bold(3, lowest=True), (2.0 * radius if radius else None, None)),
             *(
                 Plot(_PSI.format(k), unit_of_psi(scenario, k), bold(3 + k), _UNSAFE_ABOVE_0)
@@ -279,7 +284,8 @@ class _Plots:
             for u in input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
         plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
-        return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
+        ages = self._ages(inputs_of)
+        return [plots.pop("certified"), *ages, *inputs, *plots.values(), *self._space_time()]
 
     def _step_plot(self, name: str, quantity: Quantity) -> Plot:
         """Plot a number of every agent's control steps; many agents in an envelope."""
@@ -294,6 +300,36 @@ class _Plots:
             [*bands(list(series.values())), *curves] if self._model.crowded else curves,
             quantity.safe, logarithmic=quantity.in_horizons, of_agents=True,
         )  # fmt: skip
+
+    def _braking(self) -> list[Plot]:
+        """Plot V, which own parts keep below 0, of the pairs by radio that came nearest to that."""
+        past, swarm = self._past, self._model.swarm
+        if not (isinstance(past, RecordedHistory) and swarm.by_radio):
+            return []
+        t = past.pairs.t
+        names, V = braking_values(swarm, past.x[np.searchsorted(past.times, t)])
+        worst = np.argsort(V.max(axis=0))[-_NEAR_PAIRS:].tolist()
+        curves = [
+            curve(
+                Series(t, V[:, k]), names[k], lowest=False, role="chosen" if k == worst[-1] else ""
+            )
+            for k in worst
+        ]
+        return [Plot(_V, "m", curves, _UNSAFE_ABOVE_0)]
+
+    def _ages(self, of: Sequence[int]) -> list[Plot]:
+        """Plot ages of the states that some agents had of their peers; the oldest is bold."""
+        if self._radio is None:
+            return []
+        plots = []
+        for i in of:
+            if ages := list(self._radio.ages(i).values()):
+                oldest = Series(ages[0].t, np.fmax.reduce([of_peer.y for of_peer in ages]))
+                single = [curve(of_peer, most=self._most) for of_peer in ages]
+                curves = bands(ages) if self._model.crowded else single
+                curves.append(curve(oldest, "oldest", role="chosen", most=self._most))
+                plots.append(Plot(_AGES, "s", curves, of_agents=True, agent=i))
+        return plots
 
     def _space_time(self) -> list[Plot]:
         """Plot the space-time diagram; none without a broadcast, or live with many agents."""
@@ -318,7 +354,8 @@ class _Plots:
         """Plot the worst moment; with many agents, the chosen one's broadcasts alone."""
         only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
         worst = float(rows[np.argmax(rows[:, 2]), 0])
-        begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
+        every_nth = self._model.swarm.broadcast_every
+        begin, end = zoom_window(steps, worst, float(rows[-1, 0]), every_nth)
         every = self._past.broadcasts
         broadcasts = [
             (sender, t, receiver, arrival, FALSE if false else FATES[fate])
@@ -326,6 +363,12 @@ class _Plots:
                 (begin <= every.sent) & (every.sent <= end)
             ].tolist()
             if only in (None, sender, receiver)
+        ]
+        chosen = self._curves_of[0]
+        broadcasts += [
+            (news.peer, news.said.t, chosen, news.t, RELAYED)
+            for news in (self._radio.news.get(chosen, ()) if self._radio else ())
+            if news.said and news.relayed and begin <= news.said.t and news.t <= end
         ]
         times = [s.sampled[(begin <= s.sampled) & (s.sampled <= end)].tolist() for s in steps]
         return Zoom(begin, end, times, broadcasts)

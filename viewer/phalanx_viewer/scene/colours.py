@@ -14,6 +14,10 @@ WORST_PAIR: Colour = (22, 163, 74)
 LATE: Colour = (245, 158, 11)
 LIE: Colour = (6, 182, 212)
 OBSTACLE: Colour = (100, 116, 139)
+FRESH: Colour = (13, 170, 155)
+OLD: Colour = (219, 39, 119)
+_OLD_AFTER = 1.0
+"""Age of what is drawn in the colour of the old [s]."""
 
 
 class Palette(NamedTuple):
@@ -59,3 +63,10 @@ def role(status: AgentStatus, adversary: bool) -> Role:
     if origin == Origin.BACKUP:
         return Role.BACKUP
     return Role.NO_AUTHORITY if origin == Origin.NO_AUTHORITY else Role.NORMAL
+
+
+def age_colour(age: float) -> Colour:
+    """The colour of a state that was sampled so long ago [s]."""
+    share = min(max(age / _OLD_AFTER, 0.0), 1.0)
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(FRESH, OLD, strict=True))
+    return red, green, blue

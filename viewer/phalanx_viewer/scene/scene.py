@@ -1,15 +1,17 @@
 """The 3-D scene: draws one picture after another."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import viser
 
+from phalanx.recording.curves.beliefs import Belief
 from phalanx.theory.arrays import Array
 from phalanx_viewer.scene import agents
 from phalanx_viewer.scene.cameras import Camera, Framing, View
 from phalanx_viewer.scene.colours import DARK, LIGHT
+from phalanx_viewer.scene.ghosts import GhostNodes
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
@@ -40,6 +42,7 @@ class Scene:
         self.agents = agents.AgentNodes(to.scene, model)
         self.arrows = agents.ArrowNodes(to.scene, LIGHT)
         self.lines = agents.LineNodes(to.scene, model, LIGHT)
+        self.ghosts = GhostNodes(to.scene, model, LIGHT)
         self.labels = LabelNodes(to.scene, model)
         self.banner = Panel(to.gui, markup(), order=-1.0)
         Panel(to.gui, legend(model), order=99.0)
@@ -60,7 +63,8 @@ class Scene:
         self.camera.expect(trajectory.reshape(-1, 3))
         self.camera.keep(Framing.RUN)
 
-    def show(self, picture: Picture, selected: int | None) -> None:
+    def show(self, picture: Picture, selected: int | None, beliefs: Sequence[Belief] = ()) -> None:
+        """Draw a picture; beliefs: those of the selected agent."""
         self.stale = False
         positions, model = picture.positions, self._model
         view = self.camera.show(positions, selected)
@@ -72,6 +76,7 @@ class Scene:
         self.agents.show(picture, sizes)
         self.arrows.show(picture, float(np.median(sizes)))
         self.lines.show(picture, selected)
+        self.ghosts.show(beliefs, positions, selected, float(np.median(sizes)))
         self.labels.show(picture, selected, sizes, view)
         self.banner.show(banner(picture.unsafe_lines, picture.past_lines))
         self.selection.show(positions, selected, sizes)
@@ -80,7 +85,7 @@ class Scene:
     def set_dark(self, dark: bool) -> None:
         """Use the colours of a dark page, or of a light one."""
         palette = DARK if dark else LIGHT
-        for part in (self._static, self.arrows, self.lines, self.selection):
+        for part in (self._static, self.arrows, self.lines, self.ghosts, self.selection):
             part.set_palette(palette)
         self.stale = True
 
@@ -114,7 +119,7 @@ def _direction(flat: bool) -> View:
     return View(np.array(slant), np.zeros(3), np.array(up), fov, aspect=1.0)
 
 
-def add_display(gui: viser.GuiApi, scene: Scene) -> None:
+def add_display(gui: viser.GuiApi, scene: Scene, model: SceneModel) -> None:
     """Add the folder of display options to the panel."""
     framings = tuple(framing.value for framing in Framing)
     with gui.add_folder("Display", order=80):
@@ -124,6 +129,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         paths = gui.add_checkbox("Recent paths", True)
         goals = gui.add_checkbox("Goals", True)
         links = gui.add_checkbox("Late and lost links", False)
+        beliefs = gui.add_checkbox("Beliefs by radio", True, visible=model.swarm.by_radio)
         dark = gui.add_checkbox("Dark", False)
 
     def keep(event: viser.GuiEvent[Any]) -> None:
@@ -152,3 +158,4 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
     switch(paths, scene.lines.paths)
     switch(goals, scene.agents.goals)
     switch(links, scene.lines.links)
+    switch(beliefs, *scene.ghosts.nodes)

@@ -9,7 +9,17 @@ import viser
 from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
-from phalanx_viewer.scene.colours import COLOURS, DANGER, LATE, LIE, OBSTACLE, WORST_PAIR, Role
+from phalanx_viewer.scene.colours import (
+    COLOURS,
+    DANGER,
+    FRESH,
+    LATE,
+    LIE,
+    OBSTACLE,
+    OLD,
+    WORST_PAIR,
+    Role,
+)
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import single, update
 from phalanx_viewer.scene.picture import Picture
@@ -107,6 +117,8 @@ def legend(model: SceneModel) -> Markup:
         if model.flat
         else _mark("┃", OBSTACLE, "height over the ground"),
     ]
+    if model.swarm.by_radio:
+        marks += [_mark("◎", FRESH, "believed now"), _mark("◎", OLD, "a second ago or more")]
     summary = element("summary", "Legend")
     kind = "phalanx-over phalanx-legend"
     folding = element("details", summary, element("div", *marks), kind=kind, open="")
