@@ -73,14 +73,15 @@ class Explanation:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return all numbers, of all rows."""
+        """Return the sentences and all numbers, of all rows."""
         rows = [
             {"other": row.other, "part": row.part, "binds": row.binds, "excess": row.excess,
              "left": row.left, "terms": dict(row.terms), "metres": row.in_metres()}
             for row in self.rows
         ]  # fmt: skip
         changes = self.advice and [change._asdict() for change in self.advice]
-        return {**asdict(self), "rows": rows, "advice": changes}
+        words = {"sentences": self.sentences()}
+        return {**asdict(self), **words, "rows": rows, "advice": changes}
 
 
 def explain(recording: Recording, agent: str, t: float, changes: bool = True) -> Explanation:

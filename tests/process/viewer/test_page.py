@@ -17,6 +17,7 @@ from phalanx_viewer.page.page import Page
 from phalanx_viewer.plots.plots import content
 
 import phalanx
+from phalanx.explain.explanation import explain
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Log
@@ -385,3 +386,19 @@ def test_text_of_a_recording_is_text_on_the_page(
         assert tab.evaluate("window.owned") is None
         page.process.terminate()
         assert page.process.wait(60) == 0
+
+
+def test_the_page_explains_the_chosen_agents_input_at_the_time_shown(
+    tab: "Tab", finished: Path
+) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("5 agents (2 adversaries)").wait_for()
+        replay.seek(2.0)
+        wait_for(lambda: time_shown(tab) == pytest.approx(2.0, abs=0.01))
+        tab.get_by_text("Explanation", exact=True).click()
+        tab.get_by_role("button", name="Explain the agent's input").click()
+        expected = explain(read(finished), "1", replay.t).sentences()[0]
+        assert expected.startswith("Agent 1 at t = 1.99")
+        tab.get_by_text(expected).wait_for()

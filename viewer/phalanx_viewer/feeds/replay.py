@@ -39,6 +39,7 @@ class Replay:
             raise UnreadableRecordingError(f"{recording.path}: the recording holds no state")
         self.model = scene_model(recording.scenario)
         self.history = RecordedHistory(recording, self.model.values)
+        self.path = recording.path
         self.summary, self.unfinished = recording.summary, recording.unfinished
         self.times = self.history.times
         self.log = [LogLine(line.t, line.text) for line in recording.log]

@@ -5,6 +5,7 @@ import json
 import logging
 import secrets
 import time
+from functools import partial
 
 import msgspec
 import viser
@@ -13,6 +14,7 @@ from phalanx.messages.frames import Frame
 from phalanx_viewer.feeds import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.explanation import ExplanationPanel, Moment
 from phalanx_viewer.page.panels import CommandPanel, Panels
 from phalanx_viewer.plots.plots import content, script, values_at
 from phalanx_viewer.scene.picture import Picture
@@ -80,12 +82,17 @@ class Visitor:
         """Show a feed from now on: of a live run, or of its recording."""
         if isinstance(feed, Replay):
             self.scene.expect(feed.history.trajectory)
+            shown = partial(self._shown, feed)
+            self._explanation = ExplanationPanel(self._server, self.client.gui, shown)
             if self._commands:
                 self._commands.folder.remove()
                 self._commands = None
         self._feed, self._plotted, self._plots_due = feed, (-1, -1, -1), 0.0
         self.stale = True
         """True until the page shows the last frame and choice."""
+
+    def _shown(self, replay: Replay) -> Moment:
+        return Moment(replay.path, self._model.names[self.selected], replay.t)
 
     def admit(self, live: Live) -> None:
         """Let the visitor command a live run."""

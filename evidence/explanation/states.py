@@ -1,0 +1,128 @@
+"""Explain inputs at random samples of shipped scenarios, and try what is advised.
+
+    python -m evidence.explanation.states [STATES]
+
+A sample is drawn among those of normal agents that a row keeps from the wish, and two fields of the
+scenario. Counted are rows whose
+terms do not add up to what lies between wish and input to 1e-9 of their largest term, and changes
+that do not free the agent, or do so with 5 % less of the change. Then CONFLICTS programs that no
+input keeps: how often the least conflict is not that which trying every subset finds.
+"""
+
+import argparse
+import itertools
+from collections.abc import Iterator
+from itertools import chain, combinations
+
+import numpy as np
+from phalanx_agent.step import ControlStep
+from rich.progress import track
+
+from phalanx.explain.advice import FIELDS, changes, frees, least_change
+from phalanx.explain.conflict import least_conflict
+from phalanx.explain.costs import RowCost, row_costs
+from phalanx.explain.repetition import ControllerSteps
+from phalanx.launcher.simulation import Simulation
+from phalanx.scenario.load import load
+from phalanx.seeded.draws import Draws
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.polytope import polytope
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Rows
+
+SCENARIOS = {
+    "crossing": 8.0, "swarm2d": 12.0, "warehouse": 6.0, "prove": 4.0, "unknown": 4.0,
+    "guaranteed": 6.0, "pinned": 4.0, "evidence/explanation/drives.toml": 10.0,
+}  # fmt: skip
+"""Shipped scenarios, and one in which robots wait: until when samples are drawn [s]."""
+CONFLICTS = 1000
+
+
+def main() -> None:
+    """Print both tables."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("states", type=int, nargs="?", default=200)
+    states = arguments.parse_args().states
+    share = -(-states // len(SCENARIOS))
+    print("| scenario | samples | rows | wrong sums | changes | do not free | too large |")
+    print("|---|---|---|---|---|---|---|")
+    for name, until in SCENARIOS.items():
+        counts = np.zeros(5, dtype=int)
+        for steps in track(held_back(name, until, share), description=name, total=share):
+            counts += of_sample(steps)
+        print(f"| `{name}` | {share} | {' | '.join(map(str, counts))} |", flush=True)
+    print(f"\nleast conflicts: {wrong_conflicts()} of {CONFLICTS} differ from trying every subset")
+
+
+def held_back(name: str, until: float, count: int) -> Iterator[ControllerSteps]:
+    """Yield random control steps whose wish some row keeps from being applied."""
+    scenario = load(name, {"duration": until})
+    rows = require_runnable(build_swarm(scenario))
+    run, agents = Simulation(rows), [ControllerSteps(rows, i) for i in rows.swarm.normal]
+    for agent in agents:
+        run.agents.steps[agent.i] = ControlStep(rows, agent.i, agent)
+    run.run()
+    draws = Draws(scenario.seed, "explained", scenario.name, width=2)
+    for number in itertools.count():
+        of_agent, of_step = draws[number]
+        agent = agents[int(of_agent * len(agents))]
+        alone = ControllerSteps(rows, agent.i)
+        alone(*agent.steps[int(of_step * len(agent.steps))])
+        if any(row.binds for row in row_costs(alone)):
+            yield alone
+            count -= 1
+        if not count:
+            return
+
+
+def of_sample(steps: ControllerSteps) -> np.ndarray:
+    """Return counts: rows, those that do not add up, changes, that do not free, are too large."""
+    rows = row_costs(steps)
+    assert steps.result is not None
+    apart = steps.wish - steps.result.decision.u
+    wrong = sum(not adds_up(row, apart) for row in rows)
+    scenario, agent, t = steps.rows.swarm.scenario, float(steps.i), steps.steps[-1].t
+    able = [field for field in FIELDS if changes(scenario, field, 1.0)]
+    rank = [Draws(int(1e6 * t), "field", f"{agent} {field.path}", width=1)[0] for field in able]
+    chosen = sorted(zip(rank, able, strict=True), key=lambda entry: entry[0][0])[:2]
+    made = [(field, change) for _, field in chosen if (change := least_change(steps, field))]
+    idle = sum(not frees(steps, change.overrides) for _, change in made)
+    # A whole number of samples between two broadcasts has no 5 % less.
+    parts = [(f, c) for f, c in made if not f.path.endswith("every")]
+    large = sum(frees(steps, changes(scenario, f, 0.95 * c.share)) for f, c in parts)
+    return np.array([len(rows), wrong, len(made), idle, large])
+
+
+def adds_up(row: RowCost, apart: np.ndarray) -> bool:
+    """True if a row's terms and what the input leaves of it are a (wish - input)."""
+    assert row.a is not None
+    scale = max(1.0, *map(abs, row.terms.values()))
+    return abs(sum(row.terms.values()) + row.left - float(row.a @ apart)) <= 1e-9 * scale
+
+
+def wrong_conflicts() -> int:
+    """Count programs whose least conflict is not the one that trying every subset finds."""
+    rng, wrong, tried = np.random.default_rng(0), 0, 0
+    while tried < CONFLICTS:
+        axes, count = int(rng.integers(1, 4)), int(rng.integers(2, 8))
+        inputs = polytope(np.vstack([np.eye(axes), -np.eye(axes)]), np.ones(2 * axes))
+        rows = Rows(rng.normal(size=(count, axes)), rng.uniform(-1.5, 0.5, count))
+        solver = NearestInput((1.0,) * axes)
+        subsets = chain.from_iterable(combinations(range(count), k) for k in range(1, count + 1))
+        first = next(
+            (
+                s
+                for s in subsets
+                if solver.solve(np.zeros(axes), inputs, Rows(rows.a[list(s)], rows.bound[list(s)]))
+                is None
+            ),
+            None,
+        )
+        if first is not None:
+            tried, wrong = tried + 1, wrong + (least_conflict(inputs, rows) != first)
+    return wrong
+
+
+if __name__ == "__main__":
+    main()
