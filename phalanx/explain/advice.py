@@ -15,7 +15,8 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.exact import length
 
-_ROUNDS = 10
+_EXACT = 0.02
+"""Precision of a change, relative to it: the least that frees is not less."""
 _FREE = 1e-9
 """Distance of an input from its wish below which it is the wish, relative to the wish."""
 
@@ -100,7 +101,7 @@ def least_change(steps: ControllerSteps, field: Field) -> Advice | None:
     end = changes(scenario, field, 1.0)
     if not end or not frees(steps, end):
         return None
-    for _ in range(_ROUNDS):
+    while high - low > _EXACT * high:
         middle = 0.5 * (low + high)
         if frees(steps, changes(scenario, field, middle)):
             high = middle

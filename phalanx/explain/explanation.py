@@ -14,6 +14,8 @@ from phalanx.recording.read import Recording
 from phalanx.theory.rows.origin import origin_label
 from phalanx.theory.rows.row import Rows
 
+_SMALL = 1e-6
+"""Inputs that are shown as 0."""
 _MOST_ROWS, _MOST_ADVICE = 3, 4
 """Described in sentences."""
 
@@ -146,4 +148,5 @@ def _metres(row: RowCost, term: str) -> str:
 
 
 def _numbers(values: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"
+    shown = (0.0 if abs(value) < _SMALL else value for value in values)
+    return "(" + ", ".join(f"{value:.3g}" for value in shown) + ")"
