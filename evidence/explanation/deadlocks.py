@@ -48,9 +48,9 @@ class RandomDetour:
         number = int(view.t / self.every)
         p = view.positions[view.i]
         width = len(p)
-        place = Draws(0, "detour", str(view.i), width=width + 1)[number]
-        if place[-1] < 0.5 and number:
-            view = replace(view, goal=hold(p + 4.0 * (np.array(place[:-1]) - 0.5)))
+        waypoint = Draws(0, "detour", str(view.i), width=width + 1)[number]
+        if waypoint[-1] < 0.5 and number:
+            view = replace(view, goal=hold(p + 4.0 * (np.array(waypoint[:-1]) - 0.5)))
         return self.of.input(view)
 
 
@@ -81,17 +81,17 @@ def crowd(seed: int) -> dict[str, Any]:
     """Return robots with random places, none within twice the radius of another's."""
     draws = Draws(seed, "crowd", "places", width=2)
     count = 2 + int(draws[0][0] * 7)
-    places: list[Array] = []
+    points: list[Array] = []
     number = 1
-    while len(places) < 2 * count:
-        place = 8.0 * (np.array(draws[number]) - 0.5)
-        others = places[len(places) // count * count :]
-        if all(np.linalg.norm(place - other) > 2.0 * RADIUS for other in others):
-            places.append(place)
+    while len(points) < 2 * count:
+        point = 8.0 * (np.array(draws[number]) - 0.5)
+        others = points[len(points) // count * count :]
+        if all(np.linalg.norm(point - other) > 2.0 * RADIUS for other in others):
+            points.append(point)
         number += 1
         if number > 400:  # too full: start again with one robot less
-            count, places, number = count - 1, [], number - 400
-    return scenario(np.array(places[:count]), np.array(places[count:]), 20.0)
+            count, points, number = count - 1, [], number - 400
+    return scenario(np.array(points[:count]), np.array(points[count:]), 20.0)
 
 
 def ring(count: int) -> dict[str, Any]:
@@ -117,9 +117,10 @@ def stuck_by_metric(run: Run) -> bool:
     return any(wait.end > end - 0.5 for of_agent in waits.values() for wait in of_agent)
 
 
-def laws(own: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    random = {"type": "evidence.explanation.deadlocks:RandomDetour", "of": dict(own)}
-    return {"own": dict(own), "random": random, "unstick": {"type": "unstick", "of": dict(own)}}
+def laws(law: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the scenario's law, and two around it, by name."""
+    random = {"type": "evidence.explanation.deadlocks:RandomDetour", "of": dict(law)}
+    return {"own": dict(law), "random": random, "unstick": {"type": "unstick", "of": dict(law)}}
 
 
 def main() -> None:
@@ -142,8 +143,8 @@ def main() -> None:
     sources: dict[str, Any] = {"ring of 8": ring(8), "ring of 16": ring(16)}
     for name in [*sources, *SHIPPED]:
         source = sources.get(name, name)
-        own = phalanx.load(source).agents[0].law
-        for law, table in laws(own).items():
+        law_table = phalanx.load(source).agents[0].law
+        for law, table in laws(law_table).items():
             seeds = range(chosen.seeds if name in SHIPPED else 1)
             print(f"| {name} | {law} | {row(source, table, seeds)} |", flush=True)
 

@@ -80,25 +80,25 @@ def of_sample(steps: ControllerSteps) -> np.ndarray:
     """Return counts: rows, those that do not add up, changes, that do not free, are too large."""
     rows = row_costs(steps)
     assert steps.result is not None
-    apart = steps.wish - steps.result.decision.u
-    wrong = sum(not adds_up(row, apart) for row in rows)
+    difference = steps.wish - steps.result.decision.u
+    wrong = sum(not adds_up(row, difference) for row in rows)
     scenario, agent, t = steps.rows.swarm.scenario, float(steps.i), steps.steps[-1].t
     able = [field for field in FIELDS if changes(scenario, field, 1.0)]
     rank = [Draws(int(1e6 * t), "field", f"{agent} {field.path}", width=1)[0] for field in able]
     chosen = sorted(zip(rank, able, strict=True), key=lambda entry: entry[0][0])[:2]
-    made = [(field, change) for _, field in chosen if (change := least_change(steps, field))]
-    idle = sum(not frees(steps, change.overrides) for _, change in made)
+    advised = [(field, change) for _, field in chosen if (change := least_change(steps, field))]
+    idle = sum(not frees(steps, change.overrides) for _, change in advised)
     # A whole number of samples between two broadcasts has no 5 % less.
-    parts = [(f, c) for f, c in made if not f.path.endswith("every")]
+    parts = [(f, c) for f, c in advised if not f.path.endswith("every")]
     large = sum(frees(steps, changes(scenario, f, 0.95 * c.share)) for f, c in parts)
-    return np.array([len(rows), wrong, len(made), idle, large])
+    return np.array([len(rows), wrong, len(advised), idle, large])
 
 
-def adds_up(row: RowCost, apart: np.ndarray) -> bool:
+def adds_up(row: RowCost, difference: np.ndarray) -> bool:
     """True if a row's terms and what the input leaves of it are a (wish - input)."""
     assert row.a is not None
     scale = max(1.0, *map(abs, row.terms.values()))
-    return abs(sum(row.terms.values()) + row.left - float(row.a @ apart)) <= 1e-9 * scale
+    return abs(sum(row.terms.values()) + row.left - float(row.a @ difference)) <= 1e-9 * scale
 
 
 def wrong_conflicts() -> int:

@@ -17,6 +17,8 @@ from phalanx.theory.expressions.exact import length
 
 _EXACT = 0.02
 """Precision of a change, relative to it: the least that frees is not less."""
+_LEAST = 1e-6
+"""Smallest change that is told from none, as a share of the way."""
 _FREE = 1e-9
 """Distance of an input from its wish below which it is the wish, relative to the wish."""
 
@@ -101,7 +103,7 @@ def least_change(steps: ControllerSteps, field: Field) -> Advice | None:
     end = changes(scenario, field, 1.0)
     if not end or not frees(steps, end):
         return None
-    while high - low > _EXACT * high:
+    while high - low > max(_EXACT * high, _LEAST):
         middle = 0.5 * (low + high)
         if frees(steps, changes(scenario, field, middle)):
             high = middle
