@@ -128,7 +128,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2100,
     "swarm": 1920,
     "theory": 9580,
-    "viewer": 5210,
+    "viewer": 5290,
     "wire": 600,
 }
 EXTENSIONS = {
