@@ -117,8 +117,12 @@ class DistributedController:
         if swarm.safety.prove and not swarm.members[i].adversary:
             self._filter = part_of_agent("safety.prove")(rows, i, self._filter)
         self._override: Callable[..., tuple[Decision, dict[str, float]]] | None = None
-        if swarm.groups[i].controller is not None:
+        self._wish: Callable[..., tuple[Array, dict[str, float]]] | None = None
+        group = swarm.groups[i]
+        if not group.filtered:
             self._override = part_of_agent("agents.controller")(rows, i)
+        elif group.filter:
+            self._wish = part_of_agent("agents.controller")(rows, i).wish
         self._latency = swarm.time.latency
 
     def __call__(
@@ -137,6 +141,9 @@ class DistributedController:
         if self._override is not None:
             decision, notes = self._override(view, u_nom, x, visible, t, received)
             return StepResult(decision, u_nom, [], notes, convictions=convictions)
+        notes = {}
+        if self._wish is not None:
+            u_nom, notes = self._wish(view, u_nom, x, visible, t, received)
         now = FilterInput(t + self._latency, x, visible, view.terms, u_nom, received)
         filtered = self._filter(now)
         reference = radio.reference if radio is not None else None
@@ -144,6 +151,7 @@ class DistributedController:
             filtered.decision,
             u_nom,
             filtered.used,
+            notes,
             reference=reference,
             convictions=convictions,
         )
@@ -161,7 +169,7 @@ class DistributedController:
         self._members = rows.swarm.members
         self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
-        self._override = self.radio = None
+        self._override = self._wish = self.radio = None
         return self
 
 

@@ -17,10 +17,10 @@ def proof_gaps(swarm: Swarm) -> list[str]:
     """
     safety = swarm.safety
     steepest = _steepest(swarm) / swarm.longest_horizon
-    others = [n for n, group in zip(swarm.names, swarm.groups, strict=True) if group.controller]
+    others = [n for n, group in zip(swarm.names, swarm.groups, strict=True) if not group.filtered]
     gaps = {
         f"a controller of their own, not the paper's filter, decides for {', '.join(others)}: "
-        "leave out agents.controller": bool(others),
+        "leave out agents.controller, or give a program filter = true": bool(others),
         "the margin η is a given number, not a bound: set safety.margin = 'integrated'": (
             not safety.computes_margin
         ),

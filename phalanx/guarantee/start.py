@@ -41,7 +41,7 @@ def rows_at_start(rows: SafetyRows) -> dict[str, bool]:
     """
     swarm = rows.swarm
     x = swarm.start()
-    filtered = [i for i in swarm.normal if swarm.groups[i].controller is None]
+    filtered = [i for i in swarm.normal if swarm.groups[i].filtered]
     return {swarm.names[i]: _feasible(rows, i, x) for i in filtered}
 
 

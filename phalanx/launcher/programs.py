@@ -1,7 +1,6 @@
 """The programs of a run by name, and how to run one in this process."""
 
 import contextlib
-import ctypes
 import faulthandler
 import logging
 import os
@@ -17,13 +16,11 @@ from phalanx.launcher.streams import PrintableFormatter
 from phalanx.messages.keys import PLANT
 from phalanx.messages.membership import Membership
 from phalanx.schema.fields import CONTROLLER
+from phalanx.swarm.child import end_with_parent
 from phalanx.swarm.rows import SafetyRows
 
 PROGRAMS = _PLANT, _AGENT = "phalanx_plant.main:run", "phalanx_agent.main:run"
 """The programs, imported where they run, and not here."""
-
-_PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl."""
 
 
 class Program(NamedTuple):
@@ -75,11 +72,6 @@ def run_program(rows: SafetyRows, membership: Membership, options: Mapping[str, 
     program = _PLANT if membership.identity == PLANT else _AGENT
     status: int = pkgutil.resolve_name(program)(rows, membership, **options)
     return status
-
-
-def end_with_parent() -> None:
-    """Have the kernel kill this process when its parent ends, in any state."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def show_as(title: str) -> None:

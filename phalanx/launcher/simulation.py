@@ -4,6 +4,7 @@ World, clock, judge, inbox and control steps are those of the processes engine, 
 is the same to the last bit. Nothing is sealed or sent.
 """
 
+import gc
 import math
 import time
 from collections import defaultdict
@@ -83,6 +84,7 @@ class Simulation:
                 sink = self._recording = opened.enter_context(writer)
             self.queue = CommandQueue(options.commands, rows.swarm.names)
             agents = self.agents = DirectAgents(rows, options.progress)
+            opened.callback(agents.end_programs)
             self.plant = PlantRun(rows, agents, sink, self.queue, self._make_clock)
             self._instants = self._watched_instants()
             self._opened = opened.pop_all()
@@ -222,6 +224,14 @@ class DirectAgents(NoProcesses):
         """Replace agent i's control step by a new one, unless a controller decides for several."""
         if self._names[i] in self._rows.swarm.programs:
             (self.steps[i],) = control_steps(self._rows, self._names[i])
+            if self._rows.swarm.groups[i].program:
+                gc.collect()  # with its program
+
+    def end_programs(self) -> None:
+        """End the programs of agents, each with the control step that asks it."""
+        if any(group.program for group in self._rows.swarm.groups):
+            self.steps.clear()
+            gc.collect()
 
     def publish_status(self, message: Status) -> None:
         """Call the run's progress callback."""

@@ -20,7 +20,7 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.schema.registry import is_users
-from phalanx.schema.user_code import names_user_code
+from phalanx.schema.user_code import names_user_code, require_program
 from phalanx.theory.expressions.cache import cached, cached_for
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.laws.goals import Reference
@@ -134,6 +134,16 @@ class AgentGroup(Strict):
     controller: Table | None = None
     """What makes a normal agent's input, for example { type = "cbf-qp" }; default: the paper's
     filter."""
+    program: tuple[str, ...] = ()
+    """A user's own program in place of a controller, with its arguments: ["./my_agent"]."""
+    protocol: Literal["stdio", "zenoh"] = "stdio"
+    """Whether the program gets a line of JSON for each sample and answers by one, or takes part in
+    the run itself, as docs/wire.md has it."""
+    filter: bool = False
+    """Whether the paper's filter acts on the program's input, as on that of a nominal law."""
+    keeps: Literal["halves", "own-parts"] | None = None
+    """The rule that the program's inputs keep, which others then count on; by default none, or with
+    filter the filter's."""
     clock: Clock
     disturbance: Disturbance = Disturbance(bound=0.0)
     sensing: Positive | None = None
@@ -174,6 +184,7 @@ class AgentGroup(Strict):
                 message = "expected none for adversaries, whose law is the attack"
                 raise field_error(("controller",), message, self.controller)
             self.fresh_controller()
+        self._check_program()
         if self.radio is not None and self.role == "adversary":
             message = "expected none for adversaries, who sense everybody within their radius"
             raise field_error(("radio",), message, self.radio)
@@ -196,6 +207,39 @@ class AgentGroup(Strict):
         if self.goal:
             self._check_goals()
         return self
+
+    def _check_program(self) -> None:
+        """Raise unless the program, if there is one, is trusted, and what describes it fits."""
+        rows = self.radio.rows if self.radio else "halves"
+        alone = self.radio is not None and not self.cooperates
+        wrong = {
+            "expected none for adversaries, whose law is the attack": self.role == "adversary",
+            "expected none beside a controller": self.controller is not None,
+            "expected none with filter and protocol = 'zenoh': it sends its inputs itself": (
+                self.filter and self.protocol == "zenoh"
+            ),
+            f"expected with it keeps = '{rows}' or filter = true: its peers count on it": alone,
+        }
+        for message in [words for words, found in wrong.items() if found and self.program]:
+            raise field_error(("program",), message, list(self.program))
+        for field in ("filter", "keeps"):
+            if getattr(self, field) and not self.program:
+                message = "expected none without a program"
+                raise field_error((field,), message, getattr(self, field))
+        if self.keeps not in (None, rows):
+            raise field_error(("keeps",), f"expected '{rows}', as the others have", self.keeps)
+        if self.program:
+            require_program(self.program)
+
+    @property
+    def filtered(self) -> bool:
+        """True if the paper's filter makes the agents' inputs."""
+        return self.controller is None and (self.filter or not self.program)
+
+    @property
+    def cooperates(self) -> bool:
+        """True if others count on it to keep its part; a program has to say so."""
+        return not self.program or self.filter or self.keeps is not None
 
     def _check_goals(self) -> None:
         if self.slots:

@@ -193,11 +193,14 @@ class Scenario(Strict):
             if group.role == "normal" and group.sensing and self.safety.centralised:
                 message = "expected no value: with safety.control = 'centralised' all is seen"
                 raise field_error(("agents", index, "sensing"), message, group.sensing)
-            if group.controller is not None and self.safety.centralised:
+            field, own = (
+                ("program", group.program) if group.program else ("controller", group.controller)
+            )
+            if own and self.safety.centralised:
                 message = (
                     "expected none: with safety.control = 'centralised' one QP decides for all"
                 )
-                raise field_error(("agents", index, "controller"), message, group.controller)
+                raise field_error(("agents", index, field), message, own)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"

@@ -19,6 +19,8 @@ from typing import Any
 _trusted: ContextVar[bool] = ContextVar("trusted", default=True)
 _imported: dict[str, Any] = {}
 """Classes by name; a class that was imported once is used again without trust."""
+_programs: set[tuple[str, ...]] = set()
+"""Commands of agents' own programs that were trusted once."""
 _sources: dict[str, dict[str, bytes]] = {}
 """By module: source files by path, of it and of its imports, as they were when imported."""
 
@@ -46,11 +48,7 @@ def import_named(name: str) -> Any:
     Raises ValueError if the import fails, UntrustedCodeError if it is not allowed.
     """
     if name not in _imported:
-        if not _trusted.get():
-            raise UntrustedCodeError(
-                f"names code of its own, {name}, which is not run unless you trust it: "
-                "--trust, or trust=True"
-            )
+        _require_trust(name)
         module, _, attribute = name.partition(":")
         here = str(Path.cwd())
         if here not in sys.path:
@@ -62,6 +60,21 @@ def import_named(name: str) -> Any:
             raise ValueError(f"cannot be imported ({reason}){hint}") from error
         _sources.setdefault(module, sources_of(module))
     return _imported[name]
+
+
+def require_program(command: tuple[str, ...]) -> None:
+    """Raise UntrustedCodeError unless this program may be run, or was trusted before."""
+    if command not in _programs:
+        _require_trust(" ".join(command))
+        _programs.add(command)
+
+
+def _require_trust(name: str) -> None:
+    if not _trusted.get():
+        raise UntrustedCodeError(
+            f"names code of its own, {name}, which is not run unless you trust it: "
+            "--trust, or trust=True"
+        )
 
 
 def _hint(module: str, attribute: str) -> str:

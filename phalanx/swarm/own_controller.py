@@ -47,14 +47,35 @@ class OwnController:
         t: float,
         received: Mapping[int, ReceivedInput],
     ) -> tuple[Decision, dict[str, float]]:
-        """Return the input for the stacked state x, shape (n̄,), sampled at t [s], and its notes.
+        """Return the decision for what wish takes, and notes.
 
-        It is projected onto U_i by the dynamics' metric if it is outside.
+        The input is projected onto U_i by the dynamics' metric if it is outside.
 
         Raises:
             MistakenMethodError: a user's controller returned anything but an input, raised, or does
                 not return.
             ArithmeticError: the projection fails.
+        """
+        inputs = view.terms.polytopes[view.i]
+        u, notes = self.wish(view, u_nom, x, in_sight, t, received)
+        if inputs.takes(u):
+            return Decision(u, Origin.CONTROLLER, None), notes
+        return Decision(self._projected(u, inputs), Origin.PROJECTED, None), notes
+
+    def wish(
+        self,
+        view: View,
+        u_nom: Array,
+        x: Array,
+        in_sight: tuple[int, ...],
+        t: float,
+        received: Mapping[int, ReceivedInput],
+    ) -> tuple[Array, dict[str, float]]:
+        """Return the input, shape (m_i,), wherever it is, and notes.
+
+        It is for the stacked state x, shape (n̄,), sampled at t [s].
+
+        Raises MistakenMethodError.
         """
         inputs, notes = view.terms.polytopes[view.i], dict[str, float]()
         controller_view = ControllerView(
@@ -74,10 +95,7 @@ class OwnController:
             view.age,
             view.boxes,
         )
-        u = self._input(controller_view)
-        if inputs.takes(u):
-            return Decision(u, Origin.CONTROLLER, None), notes
-        return Decision(self._projected(u, inputs), Origin.PROJECTED, None), notes
+        return self._input(controller_view), notes
 
     def _projected(self, u: Array, inputs: Polytope) -> Array:
         inside = self._nearest.solve(u, inputs)
@@ -96,7 +114,10 @@ def own_controller(
     Raises ScenarioError if it does not fit the agent.
     """
     swarm = rows.swarm
-    controller = swarm.groups[i].fresh_controller()
+    group = swarm.groups[i]
+    controller: Controller | None = (
+        part_of_agent("agents.program")(swarm, i) if group.program else group.fresh_controller()
+    )
     if controller is None:
         return None
     safety = swarm.safety
@@ -106,7 +127,7 @@ def own_controller(
         swarm.scenario.static,
         safety.safe_set_function,
         safety.class_k,
-        swarm.groups[i].clock.period,
+        group.clock.period,
         swarm.horizon(i),
         swarm.sensing(i),
         swarm.seed,

@@ -4,6 +4,7 @@ Also compilation of the functions that agents share, before the first sample.
 """
 
 import math
+import shutil
 from collections.abc import Sequence
 
 from phalanx.network.link import RuleError
@@ -107,7 +108,11 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """
     rows = rows.seen_by(i)
     view, u_nom = first_nominal(rows, i, x)
-    controller = own_controller(rows, i, lambda *_: 0.0)
+    group = rows.swarm.groups[i]
+    if group.program and shutil.which(group.program[0]) is None:
+        raise ScenarioError(f"no program to run: {group.program[0]} for {rows.swarm.names[i]}")
+    # A program is not asked before the run: it may move a robot.
+    controller = None if group.program else own_controller(rows, i, lambda *_: 0.0)
     if controller is not None:
         controller(view, u_nom, x, tuple(view.x), 0.0, {})
     if rows.swarm.peers(i):

@@ -260,14 +260,16 @@ class Swarm:
 
     def information(self) -> Information:
         """Return the model of which received inputs a row may use."""
-        clocks = {l: self.groups[l].clock for l in self.normal}
+        clocks = {l: self.groups[l].clock for l in self.sharing or self.normal}
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
         return self.safety.build_information(unchanged)
 
     @property
     def sharing(self) -> tuple[int, ...]:
         """Indices of the agents that rows expect to do their best while none is silent."""
-        return self.normal if self.safety.information_model.shares else ()
+        if not self.safety.information_model.shares:
+            return ()
+        return tuple(i for i in self.normal if self.groups[i].cooperates)
 
     def law(self, i: int) -> Law:
         """Build a new law for agent i. Raises ScenarioError if it does not fit the swarm."""
@@ -282,7 +284,7 @@ class Swarm:
     @property
     def controllers(self) -> bool:
         """True if some normal agent has a controller other than the paper's filter."""
-        return any(group.controller is not None for group in self.groups)
+        return not all(group.filtered for group in self.groups)
 
     def goal(self, i: int) -> AgentGoal:
         """Build agent i's goal; it may keep state, so that each controller has one of its own."""

@@ -109,7 +109,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 920,
+    "agent": 1150,
     "cli": 1490,
     "explain": 740,
     "faults": 1030,
@@ -122,11 +122,11 @@ BUDGET: Mapping[str, int] = {
     "plant": 5110,
     "recording": 2280,
     "report": 2010,
-    "scenario": 1580,
-    "schema": 830,
+    "scenario": 1620,
+    "schema": 840,
     "seeded": 180,
     "studies": 2100,
-    "swarm": 1920,
+    "swarm": 1960,
     "theory": 9580,
     "viewer": 5290,
     "wire": 600,

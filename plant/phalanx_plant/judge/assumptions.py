@@ -74,7 +74,7 @@ class Assumptions:
         )
         self._margin = _proven_margin(swarm)
         self._stayed = Assumption("stayed in S_I", note=_STAYED)
-        self._filtered = any(swarm.groups[i].controller is None for i in swarm.normal)
+        self._filtered = any(swarm.groups[i].filtered for i in swarm.normal)
         """Whether some agent has rows, as the paper's filter has and other controllers have not."""
         self._latency = swarm.time.latency
         self._sampling = set(swarm.normal)

@@ -1,0 +1,108 @@
+"""An agent's own program: asked by lines of JSON, and named in one line whatever it does."""
+
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+import phalanx
+from phalanx.extend import Array, TrackVelocity, View
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.swarm import build_swarm
+
+EXAMPLES = Path(__file__).parents[3] / "examples" / "programs"
+sys.path.append(str(EXAMPLES))
+
+ANSWER = "import json, sys\nfor k, line in enumerate(sys.stdin):\n    u = [0.0, 0.0]\n    "
+MISTAKES = {
+    "hangs": ("while True: pass", "expected to answer within 0.5 s for agent 1, got nothing"),
+    "ignores its input": ("import time; time.sleep(60)", "within 0.5 s for agent 1, got nothing"),
+    "dies": ("sys.exit(3)", "to answer until its input ends for agent 1, got exit status 3"),
+    "crashes": ("import os; os.abort()", "for agent 1, got its death by SIGABRT"),
+    "closes": ("import os, time; os.close(1); time.sleep(60)", "got a closed stream"),
+    "talks": ("print('hello', flush=True)", "expected a line of JSON as"),
+    "NaN": ("print('{\"u\": [NaN, 0]}', flush=True)", "NaN"),
+    "infinite": ("print('{\"u\": [1e400, 0]}', flush=True)", "1e400"),
+    "too large": ("print('{\"u\": [1e301, 0]}', flush=True)", "expected finite numbers in u"),
+    "wrong size": ("print('{\"u\": [0]}', flush=True)", "expected 2 numbers in u for agent 1, got"),
+    "floods": (
+        "\n    while True: print('{\"u\": [0, 0]}')",
+        "one line for each sample for agent 1",
+    ),
+    "10 MB": ("print('x' * 10**7, flush=True)", "a line of at most 65536 bytes for agent 1"),
+}
+
+
+def run(*program: str, **overrides: object) -> phalanx.Run:
+    """A run of agent 1, decided by a program."""
+    settings = {"agents.0.program": program, "duration": 0.2, "time.timeout": 1.0, **overrides}
+    return phalanx.run(load("one-on-one", settings), engine="in-process")
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_ends_in_one_line_with_the_programs_name(name: str) -> None:
+    does, says = MISTAKES[name]
+    found = run(sys.executable, "-c", ANSWER + does, "mine").summary
+    assert found.outcome == "broken"
+    assert says in found.reason
+    assert "mine: expected" in found.reason
+    assert not [p for p in psutil.Process().children() if "mine" in p.cmdline()]
+
+
+def test_an_input_outside_u_is_projected_and_counted() -> None:
+    does = "print(json.dumps({'u': [99.0, 0.0], 'log': 'fast'}), flush=True)"
+    assert set(run(sys.executable, "-c", ANSWER + does).inputs["origin"]) >= {
+        "controller-projected"
+    }
+
+
+@dataclass
+class Cart(TrackVelocity):
+    """The law of examples/programs/cart.py inside Phalanx."""
+
+    def input(self, view: View) -> Array:
+        from cart import wheels
+
+        goal = {name: each.tolist() for name, each in view.goal._asdict().items()}
+        return np.array(wheels(view.x[view.i].tolist(), goal))
+
+
+PROGRAM = {"agents.0.program": [sys.executable, str(EXAMPLES / "cart.py")]}
+
+
+@pytest.mark.slow
+def test_a_program_behind_the_filter_gives_the_bits_of_the_same_law_inside() -> None:
+    short = {"duration": 0.3}
+    inside = phalanx.run(load("warehouse", {**short, "agents.0.law": Cart()}), engine="in-process")
+    own = load("warehouse", {**short, **PROGRAM, "agents.0.filter": True})
+    outside = phalanx.run(own, engine="in-process")
+    assert outside.summary.trajectory == inside.summary.trajectory
+    assert outside.verdict == "guaranteed"
+
+
+def test_others_count_on_a_program_only_if_it_says_what_it_keeps() -> None:
+    def sharing(**fields: object) -> int:
+        given = {f"agents.0.{name}": value for name, value in fields.items()}
+        return len(build_swarm(load("warehouse", {**PROGRAM, **given})).sharing)
+
+    assert [sharing(), sharing(keeps="halves"), sharing(filter=True)] == [0, 3, 3]
+    with pytest.raises(ScenarioError, match=r"program: expected with it keeps = 'own-parts' or"):
+        load("radio", PROGRAM)
+    with pytest.raises(ScenarioError, match=r"keeps: expected 'own-parts', as the others have"):
+        load("radio", {**PROGRAM, "agents.0.keeps": "halves"})
+    with pytest.raises(ScenarioError, match=r"filter: expected none without a program"):
+        load("radio", {"agents.0.filter": True})
+
+
+def test_nothing_runs_without_trust_or_a_file() -> None:
+    program = ["./elsewhere"]
+    with pytest.raises(ScenarioError, match=r"names code of its own, ./elsewhere, which is not ru"):
+        load("warehouse", {"agents.0.program": program}, trust=False)
+    with pytest.raises(ScenarioError, match=r"no program to run: ./elsewhere for cart-1"):
+        phalanx.run(load("warehouse", {"agents.0.program": program}), engine="in-process")
+    assert shutil.which(program[0]) is None
