@@ -16,8 +16,6 @@ from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "programs"
-sys.path.append(str(EXAMPLES))
-
 ANSWER = "import json, sys\nfor k, line in enumerate(sys.stdin):\n    u = [0.0, 0.0]\n    "
 MISTAKES = {
     "hangs": ("while True: pass", "expected to answer within 0.5 s for agent 1, got nothing"),
@@ -66,7 +64,7 @@ class Cart(TrackVelocity):
     """The law of examples/programs/cart.py inside Phalanx."""
 
     def input(self, view: View) -> Array:
-        from cart import wheels
+        from examples.programs.cart import wheels
 
         goal = {name: each.tolist() for name, each in view.goal._asdict().items()}
         return np.array(wheels(view.x[view.i].tolist(), goal))
