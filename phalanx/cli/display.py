@@ -2,7 +2,8 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from rich.console import Console
@@ -152,8 +153,8 @@ def last_line(summary: Summary) -> str:
     return f"{words}; until then these left the safe set: {pairs}{more}"
 
 
-def print_summary(summary: Summary, task: str = "") -> None:
-    """Print the table of a run's key figures, and how its task was done."""
+def print_summary(summary: Summary, details: Mapping[str, str] = MappingProxyType({})) -> None:
+    """Print the table of a run's key figures, and others by name."""
     table = TextTable(show_header=False)
     table.add_column(style="dim")
     table.add_column()
@@ -162,8 +163,9 @@ def print_summary(summary: Summary, task: str = "") -> None:
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
     table.add_row("worst h", f"{summary.worst_in_words}; safe is at most 0")
-    if task:
-        table.add_row("task", task)
+    for name, words in details.items():
+        if words:
+            table.add_row(name, words)
     table.add_row("control steps", _steps(summary))
     table.add_row("certified", certified(summary))
     for assumption in summary.assumptions:

@@ -181,7 +181,7 @@ def _show(finished: "Run", report: bool) -> "Outcome":
 
     summary = finished.summary
     assert summary is not None
-    print_summary(summary, _task(finished))
+    print_summary(summary, _details(finished))
     if report:
         _write_report(finished)
     if summary.on_theorem:
@@ -190,21 +190,23 @@ def _show(finished: "Run", report: bool) -> "Outcome":
     return summary.outcome
 
 
-def _task(finished: "Run") -> str:
-    """Describe how the swarm did its task; of a large recording, where to find that."""
+def _details(finished: "Run") -> dict[str, str]:
+    """Describe how a swarm did its task, and its traffic, unless the recording is too large."""
     from phalanx import UnreadableRecordingError
+    from phalanx.messages.traffic import traffic_in_words
     from phalanx.recording.metrics.table import in_words, metrics_of
     from phalanx.recording.read import find, swarm_of
     from phalanx.theory.expressions.user_methods import MistakenMethodError
 
     try:
         if find(finished.folder).stat().st_size > _LARGE:
-            return "a large recording: see metrics in the report"
+            return {"task": "a large recording: see metrics in the report"}
         swarm = swarm_of(finished.recording)
         normal = [swarm.names[i] for i in swarm.normal]
-        return in_words(metrics_of(finished.recording, swarm), normal)
+        task = in_words(metrics_of(finished.recording, swarm), normal)
+        return {"task": task, "broadcasts": traffic_in_words(swarm)}
     except (UnreadableRecordingError, MistakenMethodError, OSError) as error:
-        return f"unknown: {error}"
+        return {"task": f"unknown: {error}"}
 
 
 _LARGE = 16 * 2**20

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 
 from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
+from phalanx.messages.traffic import traffic_in_words
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.metrics.table import METRIC_HEAD, metric_rows, metrics_of
-from phalanx.recording.read import Recording, read, size_in_words
+from phalanx.recording.read import Recording, read, size_in_words, swarm_of
 from phalanx.report import safety, steps
 from phalanx.report.html import (
     MOST_ROWS,
@@ -294,7 +295,8 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
             ("Trajectory, SHA-256", summary.trajectory),
         ]
-    return [*rows, ("Recording", size_in_words(recording))]
+    traffic = traffic_in_words(swarm_of(recording))
+    return [*rows, ("Broadcasts", traffic or "none"), ("Recording", size_in_words(recording))]
 
 
 def origins(recording: Recording) -> dict[str, int]:

@@ -117,7 +117,7 @@ BUDGET: Mapping[str, int] = {
     "hosts": 340,
     "knowledge": 1540,
     "launcher": 2280,
-    "messages": 880,
+    "messages": 910,
     "network": 1410,
     "plant": 5110,
     "recording": 2280,

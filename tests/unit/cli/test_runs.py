@@ -54,6 +54,7 @@ def test_the_summary_says_how_far_the_agents_came(tmp_path, capsys):
     shown = printed("crossing", tmp_path, capsys)
     assert "task 0 of 4 arrived, tracking error" in shown
     assert "m on average, least distance" in shown
+    assert "broadcasts 20 a second and agent, of at most" in shown
 
 
 @pytest.mark.slow
