@@ -24,6 +24,7 @@ EXTRAS: Mapping[str, str] = {
     "viser": "view",
     "websockets": "view",
     "polars": "lab",
+    "scipy": "lab",
     "foxglove_schemas_protobuf": "foxglove",
     "google": "foxglove",
     "mcap_protobuf": "foxglove",
