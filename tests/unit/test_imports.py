@@ -128,7 +128,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2100,
     "swarm": 1960,
     "theory": 9470,
-    "viewer": 5290,
+    "viewer": 5310,
     "wire": 600,
 }
 EXTENSIONS = {

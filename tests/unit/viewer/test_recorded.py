@@ -85,3 +85,15 @@ def test_a_replay_keeps_arrays_and_none_of_the_recordings_records():
     assert alive() is None
     assert most_references(records) == most_references([object()])
     assert np.shares_memory(replay.history.positions, replay.history.trajectory)
+
+
+def test_one_that_stands_though_it_wants_to_move_is_in_the_log_and_on_the_timeline():
+    facing = {"agents.0.start": [[1.0, 0.0], [-1.0, 0.0]], "agents.0.goal": [[-3, 0], [3, 0]]}
+    two = {"agents.0.names": ["a", "b"], "duration": 6.0, "agents.0.law.type": "track-velocity"}
+    scenario = phalanx.load("evidence/explanation/swap.toml", {**two, **facing})
+    replay = Replay(phalanx.run(scenario, engine="in-process").recording)
+    lines = [line for line in replay.log if "wants to move and stands" in line.text]
+    assert [line.text.split()[1] for line in lines] == ["a", "b"]
+    assert lines[0].text.endswith("nearest to b")
+    marks = content(replay, [0], seekable=True).marks
+    assert {line.t for line in lines} <= {mark.t for mark in marks}

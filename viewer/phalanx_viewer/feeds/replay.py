@@ -14,8 +14,10 @@ from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, wors
 from phalanx.messages.step_report import AppliedStep
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
+from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Level, Step
+from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds.live_history import SPACING, path_points
@@ -42,7 +44,8 @@ class Replay:
         self.path = recording.path
         self.summary, self.unfinished = recording.summary, recording.unfinished
         self.times = self.history.times
-        self.log = [LogLine(line.t, line.text) for line in recording.log]
+        lines = [LogLine(line.t, line.text) for line in recording.log]
+        self.log = sorted(lines + _waits(recording, self.model.swarm), key=lambda line: line.t)
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
         swarm = self.model.swarm
@@ -248,6 +251,15 @@ class _AgentSteps:
         first, last = np.searchsorted(self._late[:, 0], [after, until], side="right")
         delays: list[list[float]] = self._late[first:last, 1:].tolist()
         return delays
+
+
+def _waits(recording: Recording, swarm: Swarm) -> list[LogLine]:
+    """Return a line for each time from which an agent waits, as metrics have it."""
+    return [
+        LogLine(wait.begin, f"agent {name} wants to move and stands, nearest to {wait.nearest}")
+        for name, waits in waits_of_agents(recording, swarm, Thresholds()).items()
+        for wait in waits
+    ]
 
 
 def open_replay(run: Path, trust: bool = False) -> Replay:
