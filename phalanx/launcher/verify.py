@@ -19,7 +19,7 @@ from phalanx.launcher.engine import (
     silent,
 )
 from phalanx.launcher.run import Run
-from phalanx.network.inbox import AnnouncedInput
+from phalanx.network.inbox import AnnouncedInput, Statement
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step, StepData
 from phalanx.scenario.model import Scenario
@@ -148,27 +148,48 @@ def _decided_again(recorded: Recording) -> Recording:
     the sample and of the received inputs, which are recorded.
     """
     swarm = build_swarm(recorded.scenario)
+    if swarm.by_radio and any(swarm.links.lies(name).declared for name in swarm.names):
+        raise EngineError("of a run in real time no false states that were relayed are recorded")
     rows, states = build_rows(swarm), StateCodec(swarm)
     steps = {s.name: s for name in recorded.scenario.programs() for s in control_steps(rows, name)}
     index_of_step = {(step.agent, step.k): index for index, step in enumerate(recorded.steps)}
-    again = list(recorded.steps)
+    again, stated = list(recorded.steps), dict[tuple[str, float], Statement]()
     for sample in recorded.step_data:
         index = index_of_step.get((sample.agent, sample.k))
         if index is not None:
-            again[index] = _decided(steps[sample.agent], sample, again[index], states)
+            step = steps[sample.agent]
+            again[index] = _decided(step, sample, again[index], states, stated)
     return Recording(recorded.path, recorded.scenario, recorded.metadata, recorded.states, again)
 
 
-def _decided(step: ControlStep, sample: StepData, recorded: Step, states: StateCodec) -> Step:
+def _decided(
+    step: ControlStep, sample: StepData, recorded: Step, states: StateCodec,
+    stated: dict[tuple[str, float], Statement],
+) -> Step:  # fmt: skip
+    """Return a step decided again.
+
+    stated: by radio, each agent's true statements so far by their t_apply; this one is added.
+    """
     if sample.adversary:
         step.apply_commands(ActiveCommands(adversary=True))
     names = step.swarm.names
     visible = tuple(map(names.index, sample.seen))
     x = states.unpack(np.array(sample.x, dtype="<f8").tobytes(), visible)
+    peers = {names[l] for l in step.swarm.peers(step.i)}
+    if unknown := [one for one in sample.received if one[0] in peers and one[:2] not in stated]:
+        raise EngineError(f"agent {step.name} received what agent {unknown[0][0]} never stated")
     received = {
-        names.index(sender): AnnouncedInput(since, tuple(u)) for sender, since, u in sample.received
+        names.index(sender): stated.get((sender, since), AnnouncedInput(since, tuple(u)))
+        for sender, since, u in sample.received
     }
     result = step.decide(x, visible, sample.t, received)
+    if peers:
+        u, t_apply = tuple(result.decision.u.tolist()), sample.t + step.swarm.time.latency
+        own = tuple(x[step.swarm.safe_set.parts[step.i]].tolist())
+        z = own if result.reference is None else tuple(result.reference.tolist())
+        stated[step.name, t_apply] = Statement(
+            sender=step.i, k=sample.k, t_apply=t_apply, u=u, t=sample.t, x=own, z=z
+        )
     return msgspec.structs.replace(
         recorded,
         u=tuple(result.decision.u.tolist()),

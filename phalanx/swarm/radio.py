@@ -67,6 +67,7 @@ class PeerKnowledge:
         states = {l: start[self._parts[l]] for l in self.peers}
         self._newest = {l: _Heard(x, self._standing(l, 0.0, x)) for l, x in states.items()}
         self._begun, self._t, self._starts_known = False, 0.0, radio.starts_known
+        self._period = swarm.groups[i].clock.period
         self._stamp_error, self._said = radio.stamp_error, dict[int, ReceivedInput]()
         self.convicted: set[int] = set()
         """Peers that contradicted themselves: nothing that they state later is believed."""
@@ -82,7 +83,8 @@ class PeerKnowledge:
 
         received: a SentInput of each peer that was heard. Returns x and the agents in it.
         """
-        if not (self._begun or (self._starts_known and t == 0.0)):
+        # In real time the first sample is a little later than 0.
+        if not (self._begun or (self._starts_known and t < self._period)):
             self._newest = {}  # so does one that has taken over from an agent that died
         self._begun, self._t, x = True, t, x.copy()
         self.convictions = []

@@ -116,7 +116,7 @@ BUDGET: Mapping[str, int] = {
     "guarantee": 2640,
     "hosts": 340,
     "knowledge": 1540,
-    "launcher": 2280,
+    "launcher": 2300,
     "messages": 910,
     "network": 1410,
     "plant": 5110,

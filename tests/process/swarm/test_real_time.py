@@ -79,6 +79,20 @@ def test_a_last_digit_of_what_was_shown_makes_another_decision(
     assert f"agent 1, k = {sample.k}," in difference
 
 
+def test_by_radio_decisions_can_be_made_again_and_agents_know_the_starts(tmp_path) -> None:
+    options = RunOptions(real_time=0.2)
+    execute(load("radio", ["duration=1.0", "agents.0.radio.every=4"]), tmp_path, options)
+    recorded = read(tmp_path)
+    assert verify(recorded)
+    assert any(shown.received for shown in recorded.step_data)
+    assert recorded.steps[0].origin == "qp", "it did not stand, not knowing where others are"
+    forged = copy.deepcopy(recorded.step_data)
+    sample = next(shown for shown in forged if shown.received)
+    sample.received = [(l, math.nextafter(since, 0.0), u) for l, since, u in sample.received]
+    with pytest.raises(EngineError, match="never stated"):
+        verify(replace(recorded, step_data=forged))
+
+
 def test_it_cannot_be_run_again_with_another_seed(recorded: Recording) -> None:
     with pytest.raises(EngineError, match="real time"):
         verify(recorded, seed=1)
