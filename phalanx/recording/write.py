@@ -30,7 +30,7 @@ _CHUNK_BYTES = 64 * 1024
 _HEAD = struct.Struct("<BQHIQQ")
 _LENGTH = _HEAD.size - 9
 """Of a message's record without its data, after operation code and length [bytes]."""
-_VERSIONS = ("eclipse-zenoh", "casadi", "numpy")
+_VERSIONS = ("eclipse-zenoh", "osqp", "casadi", "numpy")
 
 Record = State | Step | StepData | Log | Command
 

@@ -24,7 +24,6 @@ EXTRAS: Mapping[str, str] = {
     "viser": "view",
     "websockets": "view",
     "polars": "lab",
-    "scipy": "lab",
     "foxglove_schemas_protobuf": "foxglove",
     "google": "foxglove",
     "mcap_protobuf": "foxglove",

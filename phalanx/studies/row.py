@@ -28,7 +28,7 @@ from phalanx.studies.plan import as_text
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 
-_LIBRARIES = ("numpy", "casadi", "pydantic")
+_LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""
 
 

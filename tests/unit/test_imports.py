@@ -127,7 +127,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2100,
     "swarm": 1960,
-    "theory": 9470,
+    "theory": 9580,
     "viewer": 5310,
     "wire": 600,
 }
@@ -143,7 +143,7 @@ EXTENSIONS = {
     "phalanx_ros2",
     "phalanx_viewer",
 }
-THEORY_MAY_USE = {"numpy", "casadi", "annotated_types", "msgspec"}
+THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
 BY_ALL = {"phalanx.theory", "phalanx.files"}  # types of arrays; files written whole
 APART = {"bench", "evidence"}
@@ -251,7 +251,7 @@ def test_the_core_needs_few_libraries_and_those_of_studies():
     ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
     needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
     assert needed <= declared | {name_of(text) for text in lab}
-    assert declared <= needed
+    assert declared <= needed | {"osqp", "scipy"}, "those two are loaded by osqp_without_scipy.py"
     assert len(declared) <= 14
 
 
@@ -467,7 +467,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
     ("module", "source"),
     [
         ("phalanx_agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
-        ("phalanx.theory.rows.qp", "import casadi\nfrom .row import Row"),
+        ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
         ("phalanx.wire.session", "import zenoh"),
         ("phalanx.swarm.swarm", "from phalanx.seeded.draws import SamplingClock"),
         ("phalanx.launcher.run", "from phalanx.messages.keys import Keys"),

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.messages.step_report import QUANTITIES, numbers_of
@@ -15,7 +16,6 @@ from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.exact import length
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
 
@@ -264,7 +264,7 @@ def _condition_changes(recording: Recording) -> list[ConditionChange]:
 def smallest_distance(swarm: Swarm, positions: Array) -> float:
     """Smallest distance of a normal agent from any other [m]; infinite if it is alone."""
     normal = np.array(swarm.normal)
-    distances = length(positions[normal, None] - positions)
+    distances = cdist(positions[normal], positions)
     distances[np.arange(len(normal)), normal] = np.inf  # its own
     return float(distances.min())
 

@@ -4,13 +4,15 @@
     subject to  A u    <= b                  U_i, the input polytope
                 a_r u  <= bound_r            one row for h_tot, or one for each pair r
 
-In a box with one row nearest_in_box knows the answer. For all other programs nearest_point computes
-it, from the rows that were active at the step before, or without them.
+In a box with one row nearest_in_box knows the answer. For all other programs OSQP names rows that
+may be active, and nearest_point computes the answer from them, or without them.
 """
 
 from math import inf, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
@@ -18,17 +20,79 @@ from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.least_violation import LeastVertex, least_violation
 from phalanx.theory.rows.nearest_in_box import FARTHEST, NearestInBox
 from phalanx.theory.rows.nearest_point import NearestPointSolver
+from phalanx.theory.rows.osqp_without_scipy import compiled_part, without_scipy
 from phalanx.theory.rows.row import Row, Rows
 
+Indices = NDArray[np.integer[Any]]
+
+_OSQP = compiled_part()
+"""Loaded before the programs are forked, so that they share it."""
 INFINITY = 1e30
-"""A row with this bound never binds."""
+"""OSQP's infinity: a row with this bound never binds."""
+_SETTINGS = {
+    "verbose": False,
+    "eps_abs": 1e-5,
+    "eps_rel": 1e-5,
+    "max_iter": 200,
+    "check_termination": 10,
+    "scaling": 0,
+}
+_ACTIVE = 1e-4
+"""Multiplier above which a row counts as active."""
+
+
+class ActiveRows:
+    """OSQP's opinion which rows of a program bind; for programs of one size.
+
+    Its sparsity pattern is dense and fixed, so that updates with zeros are right.
+    """
+
+    def __init__(self, rows: int, inputs: int) -> None:
+        osqp = _OSQP
+        settings = osqp.OSQPSettings()
+        osqp.osqp_set_default_settings(settings)
+        for name, value in _SETTINGS.items():
+            setattr(settings, name, value)
+        squares = _columns(np.ones((1, inputs)), np.arange(inputs)[None], inputs)
+        constraints = _columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows)
+        with without_scipy():
+            P, A = osqp.CSC(squares), osqp.CSC(constraints)
+        low, high, q = np.full(rows, -INFINITY), np.ones(rows), np.zeros(inputs)
+        self._solver = osqp.OSQPSolver(P, q, A, low, high, rows, inputs, settings)
+
+    def guess(self, n: Array, G: Array, g: Array) -> tuple[int, ...]:
+        """Rows with a multiplier, of argmin ‖v - n‖² over G v <= g."""
+        self._solver.update_data_vec(q=-n, l=None, u=g)
+        self._solver.update_data_mat(P_x=None, P_i=None, A_x=G.ravel(order="F"), A_i=None)
+        self._solver.solve()
+        return tuple(np.flatnonzero(np.array(self._solver.solution.y) > _ACTIVE).tolist())
+
+
+class _Columns(NamedTuple):
+    """A sparse matrix, column by column, in OSQP's form."""
+
+    shape: tuple[int, int]
+    nnz: int
+    indptr: Indices
+    """First index of each column."""
+    indices: Indices
+    """Row of each number."""
+    data: Array
+
+
+def _columns(values: Array, rows: Indices, height: int) -> _Columns:
+    """A matrix of columns with equally many numbers; values and their rows have one shape."""
+    count, width = values.shape
+    begins = np.arange(0, count * width + 1, count, dtype=np.int32)
+    indices = rows.ravel(order="F").astype(np.int32)
+    return _Columns((height, width), values.size, begins, indices, values.ravel(order="F"))
 
 
 class NearestInput:
     """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound, defined to the bit.
 
-    In a box with one row by nearest_in_box, else by nearest_point, with the rows that were active
-    last as a hint. A result depends on the arguments alone.
+    In a box with one row by nearest_in_box, else by nearest_point; the rows that were active last
+    and those that OSQP names are its hints. A result depends on the arguments alone.
 
     >>> from phalanx.theory.models.polytope import polytope
     >>> U = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
@@ -41,6 +105,7 @@ class NearestInput:
         self._metric, self._roots = metric, np.sqrt(np.array(metric))
         self._exact, self._in_box = NearestPointSolver(), NearestInBox(metric)
         self._least_vertex = LeastVertex()
+        self._osqp: dict[int, ActiveRows] = {}
         self._active: dict[int, tuple[int, ...]] = {}
         """The rows that were active last, by the number of rows."""
 
@@ -92,6 +157,10 @@ class NearestInput:
     def _nearest(self, n: Array, G: Array, g: Array, size: float) -> list[float] | None:
         program, rows = (n.tolist(), G, g, size), len(g)
         point = self._exact.solve(*program, self._active.get(rows, ()))
+        if point is None:
+            if rows not in self._osqp:
+                self._osqp[rows] = ActiveRows(*G.shape)
+            point = self._exact.solve(*program, self._osqp[rows].guess(n, G, g))
         if point is None and (point := self._exact.solve(*program)) is None:
             return None
         self._active[rows] = point.rows

@@ -7,8 +7,8 @@ the others; its answer is kept until an agent has moved too far.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.function import Reaching, proven_reach, static_reach
 from phalanx.theory.safety.pairs import PairFunctions
 from phalanx_plant.world.resolution import Resolution, Roundings
@@ -204,6 +204,8 @@ class RelevantPairs:
         self._every = swarm.pairs.every
         few = len(self._every) <= (_FEW_ROWS if swarm.safety.pairwise else _FEW)
         self._function = None if few else proven_reach(function)
+        if self._function is not None:
+            _spatial_index()  # now, and not in the middle of the run
         self._negligible = negligible_below(swarm.safety.rho, len(self._every))
         self.excluded: Mask = np.zeros(len(self._every), dtype=bool)
         """Pairs that make no other one irrelevant, shape (p,)."""
@@ -254,8 +256,8 @@ class RelevantPairs:
         if not math.isfinite(reach):
             self._choose(self._every)
             return
-        apart = length(positions[:, None] - positions)
-        pairs = np.argwhere(np.triu(apart <= reach + 2.0 * self._room, 1))
+        tree = _spatial_index()(positions)
+        pairs = tree.query_pairs(reach + 2.0 * self._room, output_type="ndarray")
         # A normal member comes first; two adversaries are no pair of the safe set.
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
         blocks = [pairs[self._normal[pairs[:, 0]]]]
@@ -267,3 +269,11 @@ class RelevantPairs:
         # In the order of all pairs: sums then have the same bits, whichever pairs are left out.
         self._choose(self._every[np.sort(self._numbers[tuple(every.T)])])
         self._from = positions
+
+
+def _spatial_index() -> Callable[[Array], Any]:
+    """Import cKDTree, which takes most of a second: small swarms do without it."""
+    from scipy.spatial import cKDTree
+
+    index: Callable[[Array], Any] = cKDTree
+    return index

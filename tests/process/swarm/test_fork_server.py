@@ -71,7 +71,7 @@ def stopped_before_agents(phalanx):
 
 
 def test_no_agent_loads_anything_after_it_was_forked(phalanx, monkeypatch):
-    # Agents of these draw the network's chances, and solve with several rows.
+    # Agents of these draw the network's chances, and solve with OSQP.
     monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
     run = phalanx("run", "swarm", "--set", "duration=1.5")
     status, output = run.finish()

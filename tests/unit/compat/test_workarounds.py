@@ -113,6 +113,13 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
     )
 
 
+@pytest.mark.slow
+def test_importing_osqp_imports_scipy():
+    code = "import osqp, sys; print('scipy.sparse' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "True", "phalanx/theory/rows/osqp_without_scipy.py may go"
+
+
 def test_pythons_are_supported_whose_fork_server_ignores_the_import_path():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     oldest = re.findall(r">=(\d+)\.(\d+)(?:\.(\d+))?", project["requires-python"])

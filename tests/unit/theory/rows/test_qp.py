@@ -1,15 +1,18 @@
 """The agent's QP, in any polytope and in a box, against an exact solver that tries all rows."""
 
+import sys
 from itertools import combinations
 
 import numpy as np
+import osqp
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import ACTUATION, Polytope, extremes, polytope, vertices
 from phalanx.theory.rows.nearest_in_box import TOLERANCE, nearest_in_box
-from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.nearest_point import nearest_point, strictly_nearest
+from phalanx.theory.rows.qp import ActiveRows, NearestInput
 from phalanx.theory.rows.row import Row
 from tests.unit.theory.polytopes import random_polytope
 
@@ -228,3 +231,21 @@ def test_a_bound_that_is_not_finite_is_kept_by_every_input_or_by_none(bound):
     assert (u is None) is (bound == -np.inf)
     if u is not None:
         assert (u == np.clip(u_nom, box.box.low, box.box.high)).all()
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_osqp_names_the_rows_that_bind_where_no_other_is_close(m):
+    """A wrong guess changes no bits, so nothing else would notice."""
+    rng, right = np.random.default_rng(m), 0
+    osqps = ActiveRows(2 * m + 4, m)
+    for _ in range(20):
+        a = rng.normal(size=(4, m))
+        G = np.vstack([np.eye(m), -np.eye(m), a / np.linalg.norm(a, axis=1)[:, None]])
+        n, g = rng.normal(size=m) * 3.0, rng.uniform(0.3, 1.0, 2 * m + 4)
+        guess = osqps.guess(n, G, g)
+        right += strictly_nearest(n.tolist(), G, g, guess) == nearest_point(n.tolist(), G, g, 9.0)
+    assert right >= 18
+
+
+def test_there_is_one_compiled_part_for_all_imports() -> None:
+    assert osqp.OSQP(algebra="builtin").ext is sys.modules["osqp.ext_builtin"]
