@@ -27,7 +27,7 @@ from phalanx.theory.baselines.controllers import BarrierQP, Escape, LyapunovBarr
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value
-from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
+from phalanx.theory.laws.attacks import Chase, Script, WorstCase
 from phalanx.theory.laws.give_way import GiveWay
 from phalanx.theory.laws.goals import (
     FixedPoint,
@@ -133,7 +133,6 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "GiveWay",
     "Pursue",
     "WorstCase",
-    "WorstLookahead",
     "Script",
     # Goals
     "Reference",

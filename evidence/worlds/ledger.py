@@ -11,12 +11,12 @@ it, and all of a run with another seed.
 from collections.abc import Iterator
 
 import numpy as np
+from phalanx_worlds.fit_command import conformal_bound
 
 import phalanx
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
 from phalanx.seeded.draws import Draws
-from phalanx.studies.statistics import conformal_bound
 from phalanx.theory.arrays import Array
 from tests.unit.guarantee.test_disturbance_ledger import MODELS, WINDOWS, explained, windows
 

@@ -5,7 +5,6 @@ from typing import Annotated
 import typer
 from typer.main import get_command, get_command_name
 
-from phalanx.cli import fit
 from phalanx.cli.check import check, compile_scenario
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
@@ -47,7 +46,6 @@ def core() -> typer.Typer:
     app.command()(scenarios)
     app.command()(runs)
     app.command()(verify)
-    app.add_typer(fit.commands, name="fit")
     app.command(rich_help_panel=_PROGRAMS)(plant)
     app.command(rich_help_panel=_PROGRAMS)(agent)
     return app

@@ -63,7 +63,6 @@ BUILT_IN: Mapping[type, Mapping[str, str]] = {
         "pursue": "phalanx.theory.laws.tracking:Pursue",
         "chase": "phalanx.theory.laws.attacks:Chase",
         "worst": "phalanx.theory.laws.attacks:WorstCase",
-        "worst-lookahead": "phalanx.theory.laws.attacks:WorstLookahead",
         "script": "phalanx.theory.laws.attacks:Script",
     },
     Controller: {

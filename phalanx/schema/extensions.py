@@ -33,6 +33,7 @@ EXTRAS: Mapping[str, str] = {
 PACKAGES: Mapping[str, str] = {
     "attack": "phalanx-attacks",
     "certify": "phalanx-certify",
+    "fit": "phalanx-worlds",
     "replay": "phalanx-attacks",
     "ros2": "phalanx-ros2",
     "shrink": "phalanx-attacks",

@@ -15,8 +15,6 @@ LEVEL = 0.95
 _HALVINGS = 40
 _SHARES = np.arange(1, 21) / 21
 """Shares of the capital that are bet."""
-_EXACT = 1e-9
-"""Shares are decimal fractions: 100 times 0.99 counts as 99, whatever its last digit."""
 
 
 class Interval(NamedTuple):
@@ -143,15 +141,3 @@ def dkw_band(values: ArrayLike, level: float = LEVEL) -> Band:
     share = np.searchsorted(x, x, side="right") / n
     half = math.sqrt(math.log(2.0 / (1.0 - level)) / (2.0 * n))
     return Band(x, share, np.maximum(share - half, 0.0), np.minimum(share + half, 1.0))
-
-
-def conformal_bound(values: ArrayLike, share: float) -> float:
-    """Return a bound that the next value keeps with at least this probability.
-
-    It is the order statistic ⌈(n + 1) share⌉ of n values, and needs no more than that the next one
-    is exchangeable with them (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
-    2005). Infinite if there are fewer values than share / (1 - share).
-    """
-    x = np.sort(np.asarray(values, dtype=float))
-    rank = math.ceil((len(x) + 1) * share - _EXACT)
-    return float(x[rank - 1]) if 0 < rank <= len(x) else math.inf

@@ -73,7 +73,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.studies.statistics": rooms("seeded"),
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
-    "phalanx.cli": LAUNCHER | rooms("studies.statistics") | {"phalanx"},
+    "phalanx.cli": LAUNCHER | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli studies theory.baselines"),
     # Many runs: it hashes the sources of all that decides a run.
     "phalanx.studies": COMMANDED | rooms("studies.statistics agent plant"),
@@ -103,14 +103,14 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
     "phalanx_certify.checker": rooms("theory.models theory.safety scenario"),
-    "phalanx_worlds": rooms("theory.expressions theory.models"),
+    "phalanx_worlds": COMMANDED,
     "phalanx_ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
 }
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
     "agent": 1150,
-    "cli": 1490,
+    "cli": 1340,
     "explain": 740,
     "faults": 1030,
     "guarantee": 2640,
@@ -127,7 +127,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2100,
     "swarm": 1960,
-    "theory": 9580,
+    "theory": 9490,
     "viewer": 5310,
     "wire": 600,
 }

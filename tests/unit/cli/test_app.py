@@ -57,7 +57,7 @@ def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names
     assert [name for name in TOP if name not in ours] == [
         "keys", "router", "report", "animate",
         "study", "view", "export", "viewer",
-        "attack", "certify", "ros2", "shrink", "replay",
+        "attack", "certify", "ros2", "shrink", "replay", "fit",
     ]  # fmt: skip
 
 

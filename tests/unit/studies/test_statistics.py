@@ -11,7 +11,6 @@ from scipy.stats import binom, binomtest
 from phalanx.studies.statistics import (
     betting,
     clopper_pearson,
-    conformal_bound,
     dkw_band,
     rate,
 )
@@ -103,21 +102,6 @@ def test_equal_values_share_one_step():
 
 def test_a_band_around_nothing_is_empty():
     assert all(len(each) == 0 for each in dkw_band([]))
-
-
-@pytest.mark.parametrize(("n", "share"), [(99, 0.9), (999, 0.99)])
-def test_the_conformal_bound_holds_for_the_next_value_as_often_as_it_says(n, share):
-    kept = [study[-1] <= conformal_bound(study[:-1], share) for study in draws(n + 1)]
-    spread = math.sqrt(share * (1.0 - share) / len(kept))
-    assert abs(np.mean(kept) - share) < 4.0 * spread
-
-
-def test_too_few_values_have_no_conformal_bound():
-    values = np.arange(99.0)
-    assert conformal_bound(values, 0.99) == 98.0
-    assert math.isinf(conformal_bound(values[1:], 0.99))
-    assert math.isinf(conformal_bound([], 0.5))
-    assert math.isinf(conformal_bound(values, 0.0))
 
 
 @pytest.mark.nightly

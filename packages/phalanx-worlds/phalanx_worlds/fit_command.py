@@ -14,13 +14,22 @@ from phalanx.cli.options import Trust
 from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from phalanx.recording.disturbances import AgentDisturbances
     from phalanx.scenario.agents import AgentGroup
     from phalanx.scenario.model import Scenario
     from phalanx.theory.arrays import Array
 
 commands = typer.Typer(no_args_is_help=True, help="Fit a scenario's table to recorded runs.")
+_EXACT = 1e-9
+"""Shares are decimal fractions: 100 times 0.99 counts as 99, whatever its last digit."""
 _ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group."""
+    app.add_typer(commands, name="fit")
 
 
 @commands.command()
@@ -59,6 +68,20 @@ def disturbance(
     return 0
 
 
+def conformal_bound(values: "ArrayLike", share: float) -> float:
+    """Return a bound that the next value keeps with at least this probability.
+
+    It is the order statistic ⌈(n + 1) share⌉ of n values, and needs no more than that the next one
+    is exchangeable with them (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
+    2005). Infinite if there are fewer values than share / (1 - share).
+    """
+    import numpy as np
+
+    x = np.sort(np.asarray(values, dtype=float))
+    rank = math.ceil((len(x) + 1) * share - _EXACT)
+    return float(x[rank - 1]) if 0 < rank <= len(x) else math.inf
+
+
 class _Fit(NamedTuple):
     """The sizes of a group's disturbances."""
 
@@ -77,8 +100,6 @@ class _Fit(NamedTuple):
 
 def _fit(intervals: "AgentDisturbances", level: float) -> _Fit:
     import numpy as np
-
-    from phalanx.studies.statistics import conformal_bound
 
     return _Fit(
         float(intervals.size.max()),

@@ -4,10 +4,10 @@ import tomllib
 
 import numpy as np
 import pytest
+from phalanx_worlds.fit_command import _Fit, conformal_bound
 
 import phalanx
 from phalanx.cli.app import status
-from phalanx.cli.fit import _Fit
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
 
@@ -59,6 +59,22 @@ def test_the_bound_is_rounded_up_to_four_digits(bound):
     found = _Fit(largest=bound, p99=0.0, conformal=0.5 * bound).bound
     assert bound <= found <= bound * 1.001
     assert found == float(f"{found:.4g}")
+
+
+@pytest.mark.parametrize(("n", "share"), [(99, 0.9), (999, 0.99)])
+def test_the_conformal_bound_holds_for_the_next_value_as_often_as_it_says(n, share):
+    rng = np.random.default_rng(n)
+    kept = [
+        study[-1] <= conformal_bound(study[:-1], share) for study in rng.normal(size=(2000, n + 1))
+    ]
+    assert abs(np.mean(kept) - share) < 4.0 * (share * (1.0 - share) / len(kept)) ** 0.5
+
+
+def test_too_few_values_have_no_conformal_bound():
+    values = np.arange(99.0)
+    assert conformal_bound(values, 0.99) == 98.0
+    assert [conformal_bound(some, 0.99) for some in (values[1:], [])] == [np.inf, np.inf]
+    assert conformal_bound(values, 0.0) == np.inf
 
 
 def printed(capsys, *arguments):
