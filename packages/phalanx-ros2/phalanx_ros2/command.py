@@ -49,6 +49,7 @@ def ros2(
     ROS 2 needs RMW_IMPLEMENTATION=rmw_zenoh_cpp, and `ros2 run rmw_zenoh_cpp rmw_zenohd`:
 
       /phalanx/agent_1/pose  geometry_msgs/PoseStamped, of each agent
+      /phalanx/agent_1/peers/agent_2  nav_msgs/Odometry, as 1 heard it by radio
       /phalanx/markers       visualization_msgs/MarkerArray, for RViz
       /diagnostics           diagnostic_msgs/DiagnosticArray, with the verdict
 

@@ -26,7 +26,7 @@ from phalanx_ros2 import cdr
 Head = tuple[int, str]
 """Level and message of a status."""
 
-_WORLD = "world"
+WORLD = "world"
 """The fixed frame of all positions."""
 _TYPES = {
     Kind.ARROW: Marker.ARROW,
@@ -54,9 +54,9 @@ _OF_ROLE = {
 
 def pose_messages(t: float, poses: Poses) -> Iterator[PoseStamped]:
     """Each agent's pose at t [s]."""
-    now = cdr.header(t, _WORLD)
+    now = cdr.header(t, WORLD)
     for position, heading in zip(poses.positions, poses.headings, strict=True):
-        yield PoseStamped(header=now, pose=_pose(position, heading))
+        yield PoseStamped(header=now, pose=pose(position, heading))
 
 
 def agents(
@@ -66,10 +66,10 @@ def agents(
 
     Agents of `unsafe`, the violated pairs, are red.
     """
-    now, violated = cdr.header(t, _WORLD), model.agents_of(unsafe)
-    for i, pose in enumerate(zip(poses.positions, poses.headings, strict=True)):
+    now, violated = cdr.header(t, WORLD), model.agents_of(unsafe)
+    for i, placed in enumerate(zip(poses.positions, poses.headings, strict=True)):
         colour = DANGER if i in violated else COLOURS[role(status[i], bool(model.adversary[i]))]
-        for shape in agent_shapes(model, i, colour, *pose):
+        for shape in agent_shapes(model, i, colour, *placed):
             yield _marker(now, shape, model)
 
 
@@ -79,7 +79,7 @@ def violations(
     """A red line between the sides of every violated pair; positions [m], shape (N, 3)."""
     ends = [end for pair in unsafe for end in model.ends(pair, positions)]
     lines = Shape("violated pairs", 0, Kind.LINE, DANGER, points=np.array(ends).reshape(-1, 3))
-    marker = _marker(cdr.header(t, _WORLD), lines, model)
+    marker = _marker(cdr.header(t, WORLD), lines, model)
     marker.type = Marker.LINE_LIST
     # Without violated pairs, earlier lines are deleted.
     marker.action = Marker.ADD if ends else Marker.DELETE
@@ -88,7 +88,7 @@ def violations(
 
 def static_markers(t: float, model: SceneModel) -> Iterator[Marker]:
     """Obstacles, walls, limits and the formation's path."""
-    now = cdr.header(t, _WORLD)
+    now = cdr.header(t, WORLD)
     return (_marker(now, shape, model) for shape in static_shapes(model))
 
 
@@ -110,7 +110,7 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
         id=shape.number,
         type=_TYPES[shape.kind],
         action=Marker.ADD,
-        pose=_pose(shape.position, shape.heading),
+        pose=pose(shape.position, shape.heading),
         scale=ros.geometry_msgs__msg__Vector3(x=x, y=y, z=z),
         color=ros.std_msgs__msg__ColorRGBA(r=red, g=green, b=blue, a=shape.opacity),
         lifetime=ros.builtin_interfaces__msg__Duration(sec=0, nanosec=0),
@@ -127,8 +127,8 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
     )
 
 
-def _pose(position: Array, heading: Array) -> ros.geometry_msgs__msg__Pose:
-    """A pose at a position [m], shape (3,), whose x-axis is along a unit heading, shape (3,)."""
+def pose(position: Array, heading: Array) -> ros.geometry_msgs__msg__Pose:
+    """Return a pose at a position [m] with its x-axis along a unit heading, shapes (3,)."""
     w, x, y, z = rotations_to(heading[None])[0].tolist()
     turn = ros.geometry_msgs__msg__Quaternion(x=x, y=y, z=z, w=w)
     return ros.geometry_msgs__msg__Pose(position=_point(position), orientation=turn)
@@ -154,7 +154,7 @@ def diagnostics(frame: Frame, model: SceneModel, head: Head) -> Diagnostics:
         now = role(status, bool(adversary))
         figures = _figures(status, model)
         statuses.append(_status(f"agent {name}", (_OF_ROLE[now], now), name, figures))
-    return Diagnostics(header=cdr.header(frame.t, _WORLD), status=statuses)
+    return Diagnostics(header=cdr.header(frame.t, WORLD), status=statuses)
 
 
 def _figures(status: AgentStatus, model: SceneModel) -> dict[str, object]:

@@ -15,6 +15,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 from phalanx.messages.frames import Frame
 from phalanx_ros2 import messages
 from phalanx_ros2.cdr import message_type, serialized
+from phalanx_ros2.peers import PeerOdometry
 from phalanx_ros2.rmw_zenoh import Node, NodeName
 
 log = logging.getLogger("phalanx.ros2")
@@ -55,8 +56,10 @@ class Republisher:
         """Announce all topics. Raises ValueError if two agents would share one."""
         self._feed, self._model = feed, feed.model
         pose = message_type(PoseStamped)
-        topics = pose_topics(namespace, feed.model.names)
-        self._poses = [node.publisher(topic, pose) for topic in topics]
+        topics = agent_topics(namespace, feed.model.names)
+        self._poses = [node.publisher(f"{topic}/pose", pose) for topic in topics]
+        radio = None if feed.model.crowded else feed.radio
+        self._peers = PeerOdometry(node, topics, feed.model, radio) if radio else None
         self._markers = node.publisher(f"{namespace}/markers", message_type(MarkerArray))
         self._diagnostics = node.publisher("/diagnostics", message_type(Diagnostics))
         self._last: Frame | None = None
@@ -83,6 +86,8 @@ class Republisher:
             violated = messages.violations(frame.t, model, poses.positions, unsafe)
             static = messages.static_markers(frame.t, model) if again else ()
             self._markers.put(serialized(messages.array(moving, violated, static)))
+        if self._peers:
+            self._peers.put(frame.t)
         self._put_diagnostics(frame, messages.interim_head(frame), again)
 
     def finish(self) -> None:
@@ -102,15 +107,15 @@ class Republisher:
             self._diagnostics.put(serialized(message))
 
 
-def pose_topics(namespace: str, names: Sequence[str]) -> list[str]:
-    """The topic of each agent's pose, such as "/phalanx/agent_1/pose".
+def agent_topics(namespace: str, names: Sequence[str]) -> list[str]:
+    """Return each agent's part of the topics, such as "/phalanx/agent_1".
 
     ROS 2 allows no "-" in names and no digit at their beginning; agents' names may have both.
     Raises ValueError if two agents would share a topic.
     """
-    topics = [f"{namespace}/agent_{name.replace('-', '_')}/pose" for name in names]
+    topics = [f"{namespace}/agent_{name.replace('-', '_')}" for name in names]
     for name, topic in zip(names, topics, strict=True):
         other = names[topics.index(topic)]
         if other != name:
-            raise ValueError(f"agents {other} and {name} would share the topic {topic}")
+            raise ValueError(f"agents {other} and {name} would share the topic {topic}/pose")
     return topics

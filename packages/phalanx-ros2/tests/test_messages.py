@@ -12,7 +12,7 @@ from phalanx_ros2.messages import (
     last_head,
     pose_messages,
 )
-from phalanx_ros2.republisher import pose_topics
+from phalanx_ros2.republisher import agent_topics
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.panels import verdict_text
 from phalanx_viewer.scene.model import SceneModel, rotations_to, scene_model
@@ -185,12 +185,12 @@ def test_only_levels_and_messages_make_diagnostics_differ(replay):
 
 
 def test_topics_have_names_that_ros_2_allows():
-    assert pose_topics("/phalanx", ["1", "lead-a"]) == [
-        "/phalanx/agent_1/pose",
-        "/phalanx/agent_lead_a/pose",
+    assert agent_topics("/phalanx", ["1", "lead-a"]) == [
+        "/phalanx/agent_1",
+        "/phalanx/agent_lead_a",
     ]
     with pytest.raises(ValueError, match="agents a-b and a_b would share the topic /x/agent_a_b"):
-        pose_topics("/x", ["a-b", "a_b"])
+        agent_topics("/x", ["a-b", "a_b"])
 
 
 @pytest.mark.parametrize(
