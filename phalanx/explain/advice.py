@@ -47,6 +47,16 @@ FIELDS = (
 )
 
 
+PAIRS = {
+    "safety.composition": "pairs",
+    "safety.information": "split",
+    "safety.margin": "integrated",
+    "safety.eta": 0.0,
+}
+"""One row for each pair, halves among normal agents, and a margin that is computed and proven."""
+_PRICE_OF_PAIRS = "agents have to know who is an adversary"
+
+
 class Advice(NamedTuple):
     """A change that frees the agent at this step."""
 
@@ -54,10 +64,14 @@ class Advice(NamedTuple):
     """Values by path, as for --set."""
     price: str
     share: float
-    """s: of the way from the present value to the field's end."""
+    """s: of the way from the present value to the field's end; 1 where there is no way."""
 
     def __str__(self) -> str:
-        sets = " ".join(f"--set {path}={value:.4g}" for path, value in self.overrides.items())
+        values = {
+            path: f"{value:.4g}" if isinstance(value, float) else str(value)
+            for path, value in self.overrides.items()
+        }
+        sets = " ".join(f"--set {path}={value}" for path, value in values.items())
         return f"{sets}: {self.price}"
 
 
@@ -114,5 +128,9 @@ def least_change(steps: ControllerSteps, field: Field) -> Advice | None:
 
 def advice(steps: ControllerSteps) -> list[Advice]:
     """Return the least change of each field that frees the agent, if one does."""
-    found = [least_change(steps, field) for field in FIELDS]
-    return [change for change in found if change]
+    fields = [least_change(steps, field) for field in FIELDS]
+    pairs = Advice(PAIRS, _PRICE_OF_PAIRS, 1.0)
+    safety = steps.rows.swarm.safety
+    proven = safety.pairwise and safety.information_model.shares
+    whole = [] if proven or not frees(steps, PAIRS) else [pairs]
+    return [*(change for change in fields if change), *whole]

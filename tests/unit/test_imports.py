@@ -111,7 +111,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 BUDGET: Mapping[str, int] = {
     "agent": 1150,
     "cli": 1340,
-    "explain": 740,
+    "explain": 790,
     "faults": 1030,
     "guarantee": 2640,
     "hosts": 340,

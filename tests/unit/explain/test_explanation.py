@@ -9,7 +9,7 @@ import pytest
 
 from phalanx.cli.app import FAILED, USAGE_ERROR, status
 from phalanx.explain import moments
-from phalanx.explain.advice import FIELDS, changes, frees, least_change
+from phalanx.explain.advice import FIELDS, PAIRS, advice, changes, frees, least_change
 from phalanx.explain.costs import WISH, row_costs
 from phalanx.explain.explanation import explained
 from phalanx.explain.repetition import ControllerSteps, repeated
@@ -206,3 +206,15 @@ def test_the_command_explains_a_recorded_run(tmp_path, capsys, monkeypatch):
     assert "expected one of --at, --worst and --stuck" in capsys.readouterr().err
     assert status(["explain", str(tmp_path), "--at", "1"]) == USAGE_ERROR
     assert status(["explain", str(tmp_path), "--agent", "q", "--at", "1"]) == FAILED
+
+
+@pytest.mark.slow
+def test_a_row_of_all_pairs_is_freed_by_one_for_each_pair_where_that_lets_the_wish_pass():
+    one_row = {
+        **AGAINST, "safety.composition": "lse", "safety.margin": "paper", "safety.eta": 5.0,
+        "safety.information": "worst-case",
+    }  # fmt: skip
+    steps = repeated(recorded(SWAP, one_row, 0.6), "a", 0.6)
+    assert explained(steps, changes=False).binding
+    assert frees(steps, PAIRS)
+    assert PAIRS in [change.overrides for change in advice(steps)]
