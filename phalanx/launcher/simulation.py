@@ -96,11 +96,14 @@ class Simulation:
     def run(self) -> Summary:
         """Run from t = 0 to the end of the scenario, or until an error of ENDINGS."""
         with self._opened:
-            compiled = interrupt.interruptible()(lambda: compile_rows(self._rows))
-            summary = self.plant.run(prepare=compiled)
+            summary = self.plant.run(prepare=self._compile)
             if self._folder:
                 interrupt.clear()  # also one that came after the last sample
             return self._write(summary)
+
+    def _compile(self) -> None:
+        with interrupt.interruptible():
+            compile_rows(self._rows)
 
     # A Ctrl-C must not interrupt judging or writing: it ends the run after the instant.
     @interrupt.handled()
