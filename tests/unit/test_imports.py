@@ -128,7 +128,7 @@ BUDGET: Mapping[str, int] = {
     "studies": 2100,
     "swarm": 1960,
     "theory": 9490,
-    "viewer": 5310,
+    "viewer": 5340,
     "wire": 600,
 }
 EXTENSIONS = {

@@ -82,6 +82,9 @@ def view(
     origins: Origins = None,
     timeout: options.Timeout = 60.0,
     trust: options.Trust = False,
+    effect: Annotated[
+        bool, typer.Option("--effect", help="Repeat a run's scenario, and plot its network effect.")
+    ] = False,
 ) -> int:
     """Show a run on a page: a recording, or a live one over Zenoh. Ctrl-C ends it.
 
@@ -101,7 +104,7 @@ def view(
     try:
         return show(
             membership, recording, command_secret=command_secret.encode(), host=host, port=port,
-            origins=tuple(origins or ()), trust=trust,
+            origins=tuple(origins or ()), trust=trust, effect=effect,
         )  # fmt: skip
     except (RuntimeError, ValueError, OSError) as error:
         echo_error(error)

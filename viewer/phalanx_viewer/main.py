@@ -5,11 +5,15 @@ import secrets
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from phalanx.messages.membership import Membership
+from phalanx.recording.curves.series import Series
 from phalanx_viewer.feeds import keep_up, stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.page.page import Page
+from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.server import choose_port
 
 log = logging.getLogger("phalanx.viewer")
@@ -29,6 +33,7 @@ def run(
     port: int | None = None,
     origins: tuple[str, ...] = (),
     trust: bool = False,
+    effect: bool = False,
     announce: Callable[[str], None] = _print,
 ) -> int:
     """Show a live run, a recording, or one and then the other; return exit status 0.
@@ -42,6 +47,7 @@ def run(
         port: of the page; None takes 8080 or the next free one.
         origins: further origins whose pages may connect; needed behind a proxy only.
         trust: whether code that the run's scenario names may be imported.
+        effect: whether to repeat a recording's run and plot its network effect.
         announce: called with the page's address once it is served.
 
     Raises HubError, NoRunError, UnreadableRecordingError, ValueError, and PortTakenError if the
@@ -59,11 +65,11 @@ def run(
             keep_up(page.tick, lambda: stop_requested() or (recording is not None and live.over))
     if page is None:
         assert recording is not None
-        page = Page(host, port, origins, _load(recording, trust))
+        page = Page(host, port, origins, _load(recording, trust, effect))
         announce(_address(page))
     elif recording is not None and not stop_requested():
         try:
-            page.replay(_load(recording, trust))
+            page.replay(_load(recording, trust, effect))
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
     keep_up(page.tick, stop_requested)
@@ -71,13 +77,25 @@ def run(
     return 0
 
 
-def _load(recording: Path, trust: bool) -> Replay:
+def _load(recording: Path, trust: bool, effect: bool) -> Replay:
     log.info("reading %s", recording)
     replay = open_replay(recording, trust)
+    if effect:
+        log.info("repeating the run for its network effect")
+        replay.effects = _effects(replay.model)
     pairs = len(replay.model.swarm.safe_set.pairs)
     log.info("evaluating h of %d pairs in a run of %d states", pairs, len(replay.times))
     _ = replay.history.pairs  # cached, or the first visitor would wait for it
     return replay
+
+
+def _effects(model: SceneModel) -> dict[int, Series]:
+    """Return by agent the network effect over time [%]. Raises ValueError if it has none."""
+    from phalanx.launcher.network_effect import network_effect
+
+    steps = [(e.agent, e.t, 100.0 * e.effect) for e in network_effect(model.scenario)]
+    of_agents = {name: np.array([s[1:] for s in steps if s[0] == name]) for name in model.names}
+    return {i: Series(*of.T) for i, of in enumerate(of_agents.values()) if len(of)}
 
 
 def _address(page: Page) -> str:

@@ -8,6 +8,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from phalanx_viewer.export.write import run
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.main import _effects
 from phalanx_viewer.plots.plots import Plot, content
 from phalanx_viewer.scene.colours import FRESH, OLD, age_colour
 from phalanx_viewer.scene.ghosts import belief_shapes
@@ -94,3 +95,13 @@ def test_the_exported_recording_has_sets_and_ages(recorded, replay, tmp_path: Pa
     ages = [m for topic, m in found if topic == "/agents/1/ages"]
     assert ages[-1].n_2 == pytest.approx(replay.radio.ages(0)[1].y[-1])
     assert not ages[-1].HasField("n_1")
+
+
+def test_the_network_effect_is_plotted_once_it_was_computed(recorded):
+    replay = Replay(recorded.recording)
+    assert "Network effect" not in plots(replay, 0)
+    replay.effects = _effects(replay.model)
+    (of_agent,) = plots(replay, 0)["Network effect"].curves
+    effect = recorded.network_effect.filter(agent="1")["effect"]
+    assert max(of_agent.y) == pytest.approx(100.0 * effect.max(), rel=1e-3)
+    assert 0.0 < max(of_agent.y) <= 100.0

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, wors
 from phalanx.messages.step_report import AppliedStep
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
+from phalanx.recording.curves.series import Series
 from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Level, Step
@@ -51,6 +53,8 @@ class Replay:
         swarm = self.model.swarm
         self.radio = Beliefs(recording, swarm) if swarm.by_radio else None
         """What agents knew of one another; None where they see one another."""
+        self.effects: Mapping[int, Series] = {}
+        """By agent, the network effect over time [%], if that was computed."""
         self._commands = recording.commands
         self._worst = np.maximum.accumulate(self.history.h)
         self._crossings = [line for line in recording.log if line.pair]

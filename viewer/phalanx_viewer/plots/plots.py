@@ -38,6 +38,7 @@ from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds import Feed
+from phalanx_viewer.feeds.replay import Replay
 
 Safe = tuple[float | None, float | None]
 
@@ -51,6 +52,7 @@ _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
 _PSI, _INPUT = "ψ_{}", "Input {} and nominal"
 _V, _AGES = "V of the worst pairs by radio", "Age of peers' states"
+_EFFECT = "Network effect"
 _STEPS = 500
 """Presses of an arrow key from the run's begin to its end."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
@@ -234,6 +236,7 @@ class _Plots:
     ) -> None:
         """times: begin and end of the plots, and the latest time known of the run [s]."""
         self._model, self._past, self._radio = feed.model, feed.history, feed.radio
+        self._effect = feed.effects if isinstance(feed, Replay) else {}
         self._curves_of, self._times = curves_of, times
         self.steps = {i: self._past.agent(i) for i in range(len(self._model.names))}
         points = _POINTS_OF_ALL // max(len(curves_of), 1)
@@ -284,7 +287,7 @@ class _Plots:
             for u in input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
         plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
-        ages = self._ages(inputs_of)
+        ages = self._ages(inputs_of) + self._effects()
         return [plots.pop("certified"), *ages, *inputs, *plots.values(), *self._space_time()]
 
     def _step_plot(self, name: str, quantity: Quantity) -> Plot:
@@ -330,6 +333,15 @@ class _Plots:
                 curves.append(curve(oldest, "oldest", role="chosen", most=self._most))
                 plots.append(Plot(_AGES, "s", curves, of_agents=True, agent=i))
         return plots
+
+    def _effects(self) -> list[Plot]:
+        """Plot the network effect of every agent's steps, if it was computed."""
+        curves = [
+            curve(self._effect[i], agent=i, most=self._most, lowest=False)
+            for i in self._curves_of
+            if i in self._effect
+        ]
+        return [Plot(_EFFECT, "% of U", curves, of_agents=True)] if curves else []
 
     def _space_time(self) -> list[Plot]:
         """Plot the space-time diagram; none without a broadcast, or live with many agents."""
