@@ -13,6 +13,7 @@ from phalanx.messages.kinds import LONGEST_FAILURE, StepFailedError, Telemetry
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Sealer
 from phalanx.messages.step_report import StepReport
+from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin
@@ -32,6 +33,8 @@ _LONGEST_SILENCE = 16.0
 def run(rows: SafetyRows, membership: Membership) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
 
+    An agent whose own program speaks Zenoh is that program from then on.
+
     Args:
         rows: of the scenario, whose digest must be the plant's.
         membership: of the run; its identity is the program's name.
@@ -42,6 +45,8 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     Raises:
         HubError: the hub cannot be reached. Exception: that of a control step.
     """
+    if membership.identity in rows.swarm.scenario.programs_by_zenoh():
+        part_of_agent("agents.protocol")(rows.swarm, membership)
     steps = control_steps(rows, membership.identity, membership)
     keys, sealer, swarm = membership.keys, membership.sealer, steps[0].swarm
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.

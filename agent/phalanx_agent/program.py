@@ -1,10 +1,11 @@
-"""A user's own program in place of a controller, asked for each input by a line of JSON.
+"""A user's own program: asked for each input by a line of JSON, or in the place of the agent.
 
-docs/your-program.md has the lines. Whatever the program does, each mistake ends in one line that
-names it.
+docs/your-program.md has the lines. Whatever a program that is asked does, each mistake ends in one
+line that names it.
 """
 
 import contextlib
+import json
 import logging
 import os
 import select
@@ -14,11 +15,15 @@ import subprocess
 import time
 import weakref
 from collections.abc import Mapping, Sequence
+from typing import NoReturn
 
 import msgspec
 import numpy as np
 from msgspec import Struct
 
+from phalanx.messages.credentials import COMMAND_SECRET, SECRET
+from phalanx.messages.membership import Membership
+from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.child import end_with_parent
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -57,12 +62,36 @@ def settings(swarm: Swarm, i: int) -> dict[str, str]:
     return {
         "PHALANX_AGENT": member.name,
         "PHALANX_INDEX": str(i),
+        "PHALANX_AGENTS": ",".join(swarm.names),
         "PHALANX_STATES": ",".join(member.dynamics.states),
         "PHALANX_INPUTS": ",".join(member.dynamics.inputs),
         "PHALANX_PERIOD": str(swarm.groups[i].clock.period),
         "PHALANX_LATENCY": str(swarm.time.latency),
         "PHALANX_SEED": str(swarm.seed),
     }
+
+
+def become(swarm: Swarm, membership: Membership) -> NoReturn:
+    """Replace this process by the program of the membership's agent, which does docs/wire.md.
+
+    Raises OSError if there is no such program.
+    """
+    name = membership.identity
+    i = swarm.names.index(name)
+    own = membership.of(name, (name,), swarm.names)
+    environment = {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
+    environment |= settings(swarm, i) | {
+        "PHALANX_RUN": own.run,
+        "PHALANX_CONNECT": own.endpoint,
+        "PHALANX_DIGEST": swarm.digest,
+        "PHALANX_PASSWORD": own.password_of(name),
+        "PHALANX_KEYRING": json.dumps({of: key.hex() for of, key in (own.held or {}).items()}),
+    }
+    if own.identity_folder is not None:
+        environment["PHALANX_KEYS"] = str(own.identity_folder)
+    command = swarm.groups[i].program
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    os.execvpe(command[0], command, environment)
 
 
 class ProgramProcess:
@@ -157,7 +186,11 @@ class ProgramController:
     """The controller of one agent that asks its program for each input."""
 
     def __init__(self, swarm: Swarm, i: int) -> None:
+        """Take what the program is told. Raises ScenarioError of one that is not to be asked."""
         group = swarm.groups[i]
+        if group.protocol == "zenoh":
+            agent = f"agent {swarm.names[i]}"
+            raise ScenarioError(f"{agent} speaks zenoh, a process alone: take engine 'processes'")
         self._names, self._command = swarm.names, group.program
         self._environment = settings(swarm, i)
         self._patience = min(_SHARE * swarm.time.timeout, _LONGEST_WAIT)

@@ -406,6 +406,12 @@ class Scenario(Strict):
         """Everything static that agents keep away from: obstacles, then limits."""
         return (*self.obstacles, *(limit.boundary for limit in self.limits))
 
+    def programs_by_zenoh(self) -> frozenset[str]:
+        """Return the agents whose own programs take part in the run in their place."""
+        return frozenset(
+            name for name, group, _ in self.roster() if group.program and group.protocol == "zenoh"
+        )
+
     def programs(self) -> dict[str, tuple[str, ...]]:
         """Return the processes except the plant, each with the agents whose inputs it computes."""
         if not self.safety.centralised:

@@ -86,6 +86,7 @@ PACKAGES: Mapping[type, Mapping[str, str]] = {
 BY_OPTION: Mapping[str, str] = {
     "agents.controller": "phalanx.swarm.own_controller:own_controller",
     "agents.program": "phalanx_agent.program:ProgramController",
+    "agents.protocol": "phalanx_agent.program:become",
     "agents.radio": "phalanx.swarm.radio:RadioFilter",
     "agents.radio judged": "phalanx_plant.judge.knowledge:Knowledge",
     "agents.controller certified": "phalanx.guarantee.certificates:certified_for",

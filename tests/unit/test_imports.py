@@ -109,7 +109,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 1150,
+    "agent": 1190,
     "cli": 1340,
     "explain": 790,
     "faults": 1030,
@@ -122,7 +122,7 @@ BUDGET: Mapping[str, int] = {
     "plant": 5110,
     "recording": 2280,
     "report": 2010,
-    "scenario": 1620,
+    "scenario": 1630,
     "schema": 840,
     "seeded": 180,
     "studies": 2100,
