@@ -186,7 +186,7 @@ class ProgramController:
     """The controller of one agent that asks its program for each input."""
 
     def __init__(self, swarm: Swarm, i: int) -> None:
-        """Take what the program is told. Raises ScenarioError of one that is not to be asked."""
+        """Take what the program gets. Raises ScenarioError of one that is not to be asked."""
         group = swarm.groups[i]
         if group.protocol == "zenoh":
             agent = f"agent {swarm.names[i]}"
