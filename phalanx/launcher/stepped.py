@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 from phalanx.faults.commands import (
     NO_COMMANDS,
@@ -27,6 +28,8 @@ from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.user_methods import error_line
+
+S = TypeVar("S", bound="SteppedRun")
 
 
 def start(
@@ -50,13 +53,24 @@ def start(
         ValueError: a command is invalid, or they have a secret, which needs a hub.
         OSError: no folder can be made.
     """
+    return start_as(SteppedRun, scenario, out=out, commands=commands)
+
+
+def start_as(
+    kind: type[S],
+    scenario: Scenario | str | Path,
+    *,
+    out: str | Path | None = None,
+    commands: CommandPolicy = NO_COMMANDS,
+) -> S:
+    """Begin a run of a class of one's own, as start does."""
     options = RunOptions("in-process", commands=commands)
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
     rows = require_runnable(build_swarm(scenario))
     require_valid(commands.schedule, rows.swarm.names)
     compile_rows(rows)
-    return SteppedRun(rows, out, options)
+    return kind(rows, out, options)
 
 
 class SteppedRun(AbstractContextManager["SteppedRun"]):

@@ -6,13 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv
+from scipy.special import betaincinv, betaln, xlog1py, xlogy
 
 from phalanx.theory.arrays import Array, Index
 
 LEVEL = 0.95
 """Confidence level unless another is given."""
 _HALVINGS = 40
+_PRIOR = 0.5
+"""Both parameters of the mixing beta: half as wide as with 1 where a rate is near 0 or 1."""
 _SHARES = np.arange(1, 21) / 21
 """Shares of the capital that are bet."""
 
@@ -32,8 +34,8 @@ class Interval(NamedTuple):
 def clopper_pearson(successes: ArrayLike, runs: ArrayLike, level: float = LEVEL) -> Interval:
     """Return the exact interval of Clopper and Pearson (Biometrika 26, 1934) for a rate.
 
-    The number of runs must not depend on their results. The ends are quantiles of
-    Beta(k, n - k + 1) and Beta(k + 1, n - k). Of no runs it is [0, 1].
+    The number of runs must not depend on their results: else use `beta_mixture`. The ends are
+    quantiles of Beta(k, n - k + 1) and Beta(k + 1, n - k). Of no runs it is [0, 1].
 
     Raises ValueError unless 0 <= successes <= runs and 0 < level < 1.
     """
@@ -52,6 +54,25 @@ def counts(successes: ArrayLike, runs: ArrayLike, level: float) -> tuple[Any, An
     if np.any((k < 0) | (k > n)):
         raise ValueError("successes: expected none below 0, and none above the number of runs")
     return k, n
+
+
+def beta_mixture(successes: ArrayLike, runs: ArrayLike, level: float = LEVEL) -> Interval:
+    """Return a confidence sequence's interval for a rate, after so many runs.
+
+    It holds after all numbers of runs at once, so one may look at each, and stop. The likelihood,
+    mixed over a beta distribution of the rate and divided by that at p, is a martingale if p is
+    true: it ever reaches 1 / α with probability α at most (Ville; Robbins, Annals of Mathematical
+    Statistics 41, 1970). The interval holds all p at which it has not.
+
+    Raises ValueError as clopper_pearson does.
+    """
+    k, n = counts(successes, runs, level)
+    mixed = betaln(k + _PRIOR, n - k + _PRIOR) - betaln(_PRIOR, _PRIOR)
+    least = mixed + math.log(1.0 - level)  # log-likelihood of a p that is just refuted
+    middle = np.where(n > 0, k / np.maximum(n, 1), 0.5)
+    low: Any = _bound(lambda p: xlogy(k, p) + xlog1py(n - k, -p) <= least, middle)
+    high: Any = 1.0 - _bound(lambda q: xlogy(n - k, q) + xlog1py(k, -q) <= least, 1.0 - middle)
+    return Interval(low[()], high[()])
 
 
 def betting(values: ArrayLike, level: float = LEVEL) -> Interval:

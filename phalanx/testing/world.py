@@ -1,4 +1,4 @@
-"""Checks that code of your own keeps what its protocol says: of a world, `check_world`."""
+"""Checks that a world of your own keeps what its protocol says."""
 
 import contextlib
 import time
@@ -18,8 +18,6 @@ from phalanx.theory.models.world import (
     advanced,
     moves_by_itself,
 )
-
-__all__ = ["WorldMistakeError", "check_world"]
 
 _TIME = 0.05
 """Time to move on [s]."""

@@ -1,0 +1,1 @@
+"""The pytest plugin: fixtures, a mark, and what a failure prints."""

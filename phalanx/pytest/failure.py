@@ -1,0 +1,73 @@
+"""The run of a failed test: its pair and time, how to repeat it, and its files."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from phalanx.launcher.engine import silent
+from phalanx.launcher.run import Run
+from phalanx.pytest.regressions import keep
+from phalanx.scenario.load import read_table, scenario_text
+from phalanx.schema.extensions import MissingExtensionError, extension
+from phalanx.testing.claims import Claim
+from phalanx.testing.conditions import table_of_scenario
+
+_FILE = "scenario.toml"
+
+
+def failure_lines(config: pytest.Config, test: str, run: Run, claim: Claim | None) -> Iterator[str]:
+    """Yield a line for each thing to know, and keep the run as the options say.
+
+    test: its name, that of a folder of artifacts.
+    """
+    scenario, summary = run.scenario, run.summary
+    if summary is not None:
+        yield f"verdict: {summary.outcome}: {summary.reason}"
+        yield f"worst h: {summary.worst_in_words}"
+    folder = _kept_folder(config, test, run)
+    table = {**table_of_scenario(scenario), "seed": scenario.seed}
+    if config.option.phalanx_shrink:
+        table, words = _shrunk(run, table)
+        yield f"shrunk: {words}"
+    (folder / _FILE).write_text(scenario_text(table), encoding="utf-8")
+    yield f"replay: phalanx run {folder / _FILE}"
+    if scenario.reading:
+        yield f"or: {scenario.reading.command(scenario.seed)}"
+    yield f"the same bits again: phalanx verify {folder}"
+    yield f"report: {_report(folder, config.option.phalanx_artifacts is not None)}"
+    if claim and (folders := config.getini("phalanx_scenarios")):
+        yield f"regression: {keep(folders[0], table, claim)}"
+
+
+def _kept_folder(config: pytest.Config, test: str, run: Run) -> Path:
+    """Return the run's folder, or that of its copy among the artifacts."""
+    artifacts: Path | None = config.option.phalanx_artifacts
+    if artifacts is None:
+        return run.folder
+    copy = artifacts / re.sub(r"[^\w.-]+", "-", test) / run.folder.name
+    return Path(shutil.copytree(run.folder, copy, dirs_exist_ok=True))
+
+
+def _report(folder: Path, written: bool) -> str:
+    """Return the path of the report, which takes seconds to write, or the command that does."""
+    try:
+        return str(extension("report")(folder, silent)) if written else f"phalanx report {folder}"
+    except MissingExtensionError as error:
+        return str(error)
+
+
+def _shrunk(run: Run, table: dict[str, object]) -> tuple[dict[str, object], str]:
+    """Return the smallest scenario that is violated as a run's, and how small it is, in words."""
+    if run.summary is None or not run.summary.violations:
+        return table, "no: only a violated run can be"
+    try:
+        smallest = extension("shrink")
+    except MissingExtensionError:
+        return table, "no: pip install phalanx-attacks"
+    reading = run.scenario.reading
+    found = smallest(table, read_table(reading.source) if reading else table)
+    before, after = found.sizes
+    return found.table, f"{after} values instead of {before}, after {found.runs} runs"

@@ -1,0 +1,184 @@
+"""The plugin that pytest loads: options, the mark, fixtures, and hooks on a failure.
+
+Every session of pytest imports this, also one without a swarm: whatever takes long is imported
+where it is used.
+"""
+
+import itertools
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+
+if TYPE_CHECKING:
+    from phalanx.launcher.run import Run
+    from phalanx.testing import CheckedRun, LiveRun, RateStudy
+
+MARK = (
+    "phalanx(seeds=1, vary={}): run the test with each seed (their number, or a list) and each "
+    "combination of values of the fields of a scenario, by path"
+)
+_FIXTURES = {"phalanx_run", "phalanx_live"}
+_RUNS = pytest.StashKey[list["Run"]]()
+"""The finished runs of a test."""
+
+
+class Case(NamedTuple):
+    """One run of a test that the mark repeats."""
+
+    seed: int | None = None
+    """None: the scenario's."""
+    fields: tuple[tuple[str, Any], ...] = ()
+    """Varied fields by path."""
+
+    def conditions(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Return the conditions that a test gave, with those of the case that it did not give."""
+        fields = dict(self.fields)
+        faults = [*given.get("faults", ()), *fields.pop("faults", ())]
+        seed = {} if self.seed is None else {"seed": self.seed}
+        overrides = {**fields, **(given.get("overrides") or {})}
+        return {**seed, **given, "faults": faults, "overrides": overrides}
+
+    def __str__(self) -> str:
+        """Return an id that -k takes."""
+        fields = [("seed", self.seed), *self.fields]
+        return "-".join(f"{path}:{value}" for path, value in fields)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("phalanx", "swarms under network faults")
+    group.addoption(
+        "--phalanx-engine", metavar="NAME", help="engine of phalanx_run; default: the fastest"
+    )
+    group.addoption(
+        "--phalanx-shrink", action="store_true", help="shrink the scenario of a violated run"
+    )
+    group.addoption(
+        "--phalanx-artifacts",
+        metavar="DIR",
+        type=Path,
+        help="copy runs of failed tests there, with their reports",
+    )
+    parser.addini(
+        "phalanx_scenarios", "folder of regressions: failures are kept and repeated", type="paths"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", MARK)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Make a test of each seed and each combination of values of the mark."""
+    mark = metafunc.definition.get_closest_marker("phalanx")
+    if mark is None:
+        return
+    if not _FIXTURES & set(metafunc.fixturenames):
+        fixtures = " or ".join(sorted(_FIXTURES))
+        raise pytest.UsageError(f"{metafunc.definition.nodeid}: mark phalanx needs {fixtures}")
+    cases = list(_cases(*mark.args, **mark.kwargs))
+    metafunc.parametrize("phalanx_case", cases, ids=map(str, cases), indirect=True)
+
+
+def _cases(seeds: Any = 1, vary: dict[str, list[Any]] | None = None) -> Iterator[Case]:
+    vary = vary or {}
+    for seed in range(seeds) if isinstance(seeds, int) else seeds:
+        for values in itertools.product(*vary.values()):
+            yield Case(seed, tuple(zip(vary, values, strict=True)))
+
+
+@pytest.fixture
+def phalanx_case(request: pytest.FixtureRequest) -> Case:
+    """Return seed and fields that the mark gives this test."""
+    case: Case = getattr(request, "param", Case())
+    return case
+
+
+@pytest.fixture
+def phalanx_run(
+    request: pytest.FixtureRequest, phalanx_case: Case, tmp_path: Path
+) -> Callable[..., "CheckedRun"]:
+    """Return a function that runs a scenario under faults: `phalanx.testing.run`."""
+
+    def run(scenario: Any, **conditions: Any) -> "CheckedRun":
+        from phalanx.testing import run
+
+        if (engine := request.config.option.phalanx_engine) is not None:
+            conditions.setdefault("engine", engine)
+        out = tmp_path / "phalanx"
+        finished = run(scenario, **{"out": out, **phalanx_case.conditions(conditions)})
+        _note(request.node, finished)
+        return finished
+
+    return run
+
+
+@pytest.fixture
+def phalanx_live(
+    request: pytest.FixtureRequest, phalanx_case: Case, tmp_path: Path
+) -> Iterator[Callable[..., "LiveRun"]]:
+    """Yield a function that begins a run to step through: `phalanx.testing.start`."""
+    with ExitStack() as begun:
+
+        def start(scenario: Any, **conditions: Any) -> "LiveRun":
+            from phalanx.testing import start
+
+            out = tmp_path / "phalanx"
+            live = start(scenario, **{"out": out, **phalanx_case.conditions(conditions)})
+            begun.push(live)
+            return live
+
+        yield start
+
+
+@pytest.fixture
+def phalanx_study() -> Callable[..., "RateStudy"]:
+    """Return the class of rates over seeds: `phalanx.testing.RateStudy`."""
+    from phalanx.testing import RateStudy
+
+    return RateStudy
+
+
+def _note(node: pytest.Item, run: "Run") -> None:
+    """Keep a test's run, and write its figures into junit's properties."""
+    node.stash.setdefault(_RUNS, []).append(run)
+    if run.summary is not None:
+        node.user_properties += [
+            ("phalanx_seed", run.summary.seed),
+            ("phalanx_verdict", str(run.summary.outcome)),
+            ("phalanx_worst_h", run.summary.worst_h),
+            ("phalanx_trajectory", run.summary.trajectory),
+        ]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Say of a failed test which run failed, and how to repeat it."""
+    report = yield
+    if report.when != "call" or not report.failed or not isinstance(item, pytest.Function):
+        return report
+    claim = getattr(call.excinfo and call.excinfo.value, "claim", None)
+    runs = [claim.run] if claim else item.stash.get(_RUNS, [])[-1:]
+    for run in runs:
+        from phalanx.pytest.failure import failure_lines
+
+        report.sections.append(
+            ("phalanx", "\n".join(failure_lines(item.config, item.name, run, claim)))
+        )
+    return report
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect the scenarios of the folder of regressions, each as a test."""
+    if file_path.suffix != ".toml":
+        return None
+    if file_path.parent not in parent.config.getini("phalanx_scenarios"):
+        return None
+    from phalanx.pytest.regressions import RegressionFile
+
+    collected: pytest.Collector = RegressionFile.from_parent(parent, path=file_path)
+    return collected

@@ -1,0 +1,58 @@
+"""Tests of swarms under faults: runs with assertions, faults as objects, checks of your own code.
+
+    from phalanx.testing import partition, run
+
+    run("warehouse", loss=0.3, faults=[partition(["cart-1"], at=5, for_=3)]).assert_safe()
+
+With pytest, the fixtures of docs/testing.md do the same, and say more of a failure.
+"""
+
+from phalanx.testing.claims import ClaimError
+from phalanx.testing.conditions import faulty
+from phalanx.testing.faults import (
+    actuator,
+    clock,
+    hijack,
+    hold,
+    kill,
+    lie,
+    link,
+    partition,
+    pause,
+    restart,
+    sensor,
+    turn,
+)
+from phalanx.testing.live import LiveRun, start
+from phalanx.testing.rates import RateStudy
+from phalanx.testing.runs import CheckedRun, Moment, run
+from phalanx.testing.strategies import faults, networks, starts
+from phalanx.testing.world import WorldMistakeError, check_world
+
+__all__ = [  # noqa: RUF022 - in the order of the documentation
+    "run",
+    "start",
+    "faulty",
+    "CheckedRun",
+    "LiveRun",
+    "Moment",
+    "RateStudy",
+    "ClaimError",
+    "partition",
+    "hold",
+    "link",
+    "lie",
+    "kill",
+    "restart",
+    "pause",
+    "turn",
+    "hijack",
+    "clock",
+    "sensor",
+    "actuator",
+    "networks",
+    "faults",
+    "starts",
+    "check_world",
+    "WorldMistakeError",
+]

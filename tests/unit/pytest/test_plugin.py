@@ -1,0 +1,118 @@
+"""The plugin in projects of others: fixtures, the mark, failures, regressions, properties."""
+
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.unit.testing.crossing import CROSSING, UNFILTERED
+
+pytest_plugins = ["pytester"]
+
+PROJECT = f"""
+import pytest
+CROSSING, UNFILTERED = {CROSSING!r}, {UNFILTERED!r}
+"""
+FAILING = """
+def test_crossing(phalanx_run):
+    phalanx_run(CROSSING, overrides=UNFILTERED).assert_safe()
+"""
+
+
+def options(*others: str) -> list[str]:
+    """Return the options of a session that loads the plugin, whether it is installed or not."""
+    installed = any(entry.name == "phalanx" for entry in entry_points(group="pytest11"))
+    return [*([] if installed else ["-p", "phalanx.pytest.plugin"]), "-p", "no:timeout", *others]
+
+
+def run(pytester: pytest.Pytester, test: str, *others: str) -> pytest.RunResult:
+    pytester.makepyfile(test_swarm=PROJECT + test)
+    return pytester.runpytest_inprocess(*options(*others))
+
+
+@pytest.mark.slow
+def test_a_test_of_a_swarm_under_faults_passes(pytester):
+    test = """
+from phalanx.testing import partition
+
+def test_crossing(phalanx_run):
+    phalanx_run(CROSSING, loss=0.3, faults=[partition(["a"], at=0.5, for_=0.2)]).assert_guaranteed()
+"""
+    run(pytester, test).assert_outcomes(passed=1)
+
+
+@pytest.mark.slow
+def test_a_failure_says_pair_time_and_how_to_repeat_it(pytester):
+    result = run(pytester, FAILING)
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines_random(
+        [
+            r"E .*ClaimError: assert_safe\(\): violated: a-b left the safe set",
+            r"worst h: \S+ of a-b at t = \d\.\d+ s",
+            r"replay: phalanx run .*scenario\.toml",
+            r"report: phalanx report .*",
+        ]
+    )
+    replay = next(line for line in result.outlines if line.startswith("replay: "))
+    command = [sys.executable, "-m", *replay.removeprefix("replay: ").split()]
+    again = subprocess.run([*command, "--engine", "in-process"], capture_output=True, text=True)
+    assert again.returncode == 2, again.stderr
+    assert "violated" in again.stdout + again.stderr
+
+
+@pytest.mark.slow
+def test_a_failure_is_kept_as_a_regression_where_a_folder_is_named(pytester):
+    pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
+    run(pytester, FAILING, "--phalanx-artifacts", "artifacts").assert_outcomes(failed=1)
+    assert list(pytester.path.glob("artifacts/test_crossing/*/recording.mcap"))
+    assert list(pytester.path.glob("artifacts/test_crossing/*/report.html"))
+    assert len(list(pytester.path.glob("kept/crossing-pair-*.toml"))) == 1
+    again = pytester.runpytest_inprocess(*options("kept"))
+    again.assert_outcomes(failed=1)
+    again.stdout.fnmatch_lines(["*assert_safe()*", "replay: phalanx run *kept*"])
+    pytester.makeini("[pytest]\n")
+    pytester.runpytest_inprocess(*options("kept")).assert_outcomes()
+
+
+@pytest.mark.slow
+def test_the_mark_makes_a_test_of_each_seed_and_value(pytester):
+    test = """
+@pytest.mark.phalanx(seeds=[3, 5], vary={"duration": [0.1, 0.2]})
+def test_crossing(phalanx_run):
+    run = phalanx_run(CROSSING)
+    print("RAN", run.scenario.seed, run.scenario.duration)
+"""
+    result = run(pytester, test, "-s", "-k", "not seed:5-duration:0.2", "--junitxml=junit.xml")
+    result.assert_outcomes(passed=3, deselected=1)
+    assert {line[-5:] for line in result.outlines if "RAN" in line} == {"3 0.1", "3 0.2", "5 0.1"}
+    cases = ElementTree.parse(pytester.path / "junit.xml").getroot().iter("testcase")
+    properties = {p.get("name"): p.get("value") for p in next(cases).iter("property")}
+    assert properties["phalanx_verdict"] == "guaranteed"
+    assert properties["phalanx_seed"] == "3"
+
+
+def test_a_mark_without_a_fixture_is_an_error(pytester):
+    result = run(pytester, "@pytest.mark.phalanx(seeds=2)\ndef test_nothing(): pass\n")
+    assert result.ret != 0
+    result.stdout.fnmatch_lines(["*mark phalanx needs phalanx_live or phalanx_run*"])
+
+
+@pytest.mark.slow
+def test_it_works_with_xdist(pytester):
+    test = '@pytest.mark.phalanx(seeds=2, vary={"duration": [1.0]})' + FAILING
+    pytester.makepyfile(test_swarm=PROJECT + test)
+    result = pytester.runpytest_subprocess(*options("-n", "2"))
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines(["replay: phalanx run *"])
+
+
+def test_a_session_without_a_swarm_imports_nothing_heavy(tmp_path):
+    code = (
+        "import sys, pytest; pytest.main(sys.argv[1:]);"
+        "print(sorted(m for m in sys.modules if m.startswith('phalanx')), 'numpy' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code, "--collect-only", "-q", *options(str(tmp_path))]
+    text = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
+    assert "['phalanx', 'phalanx.pytest', 'phalanx.pytest.plugin'] False" in text
