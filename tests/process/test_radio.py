@@ -44,8 +44,10 @@ def test_whatever_happens_to_states_on_their_way_the_trajectory_is_one(changes: 
     assert runs[0].summary.notes == [], "every fault had an effect"
 
 
-@pytest.mark.parametrize("name", ["crossing-radio", "warehouse-radio"])
-def test_agents_whose_inputs_are_velocities_have_one_trajectory_too(name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["crossing-radio", "warehouse-radio", "guaranteed-radio", "formation3d-radio"]
+)
+def test_other_agents_have_one_trajectory_too(name: str) -> None:
     fewer = {"duration": 1.5, "agents.0.disturbance.kind": "adverse"}
     faults = [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}]
     runs = on_both_engines(phalanx.load(name, {**fewer, "faults": faults}))
