@@ -8,9 +8,9 @@ import argparse
 import numpy as np
 
 from phalanx.swarm.swarm import DEFECT
-from phalanx.theory.trust.motion import MotionCheck
-from tests.unit.theory.trust.test_motion import DYNAMICS
-from tests.unit.theory.trust.windows import windows
+from phalanx.theory.models.motion_check import MotionCheck
+from tests.unit.theory.models.test_motion_check import DYNAMICS
+from tests.unit.theory.models.windows import windows
 
 BOUND, ERROR = 1.73, 0.003
 """φ^max, and the norm of a sensor's error."""

@@ -10,7 +10,6 @@ from phalanx.messages.step_report import AppliedStep
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
-"""The folder of wall times, in a run whose programs were timed."""
 SequenceNumber = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """Of a sample or a broadcast; fits into a table's column of 64 bits."""
 

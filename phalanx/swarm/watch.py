@@ -8,8 +8,8 @@ import numpy as np
 from phalanx.network.inbox import Conviction, SentInput
 from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array
+from phalanx.theory.models.motion_check import MotionCheck
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.theory.trust.motion import MotionCheck
 
 _MOST = 64
 """Windows and broadcasts of one agent that are kept: later ones replace the oldest."""

@@ -27,8 +27,7 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 
 
 THEORY = rooms(
-    "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws "
-    "theory.trust"
+    "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws"
 )
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm knowledge", SCENARIO)
@@ -51,10 +50,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.expressions": set(),
     "phalanx.theory.models": rooms("theory.expressions"),
     "phalanx.theory.safety": rooms("theory.expressions theory.models"),
-    "phalanx.theory.trust": rooms("theory.expressions theory.models"),
     "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
-    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.trust"),
-    "phalanx.theory.laws": THEORY - rooms("theory.trust"),
+    "phalanx.theory.rows": THEORY - rooms("theory.laws"),
+    "phalanx.theory.laws": THEORY,
     "phalanx.theory.baselines": THEORY,
     "phalanx.knowledge": rooms(
         "theory.expressions theory.models theory.safety theory.margins theory.rows"

@@ -10,9 +10,9 @@ from examples.planar_quadrotors import PlanarQuadrotor
 from phalanx.swarm.swarm import DEFECT
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.motion_check import MotionCheck
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.trust.motion import MotionCheck
-from tests.unit.theory.trust.windows import windows
+from tests.unit.theory.models.windows import windows
 
 DYNAMICS: dict[str, Dynamics] = {
     "unicycle": Unicycle(4.0, 2.0),
