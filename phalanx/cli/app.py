@@ -6,6 +6,7 @@ import typer
 from typer.main import get_command, get_command_name
 
 from phalanx.cli.check import check, compile_scenario
+from phalanx.cli.conformance import conform
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant
@@ -48,6 +49,8 @@ def core() -> typer.Typer:
     app.command()(verify)
     app.command(rich_help_panel=_PROGRAMS)(plant)
     app.command(rich_help_panel=_PROGRAMS)(agent)
+    own = {"allow_interspersed_args": False}  # what follows is the program's
+    app.command("test-agent", rich_help_panel=_PROGRAMS, context_settings=own)(conform)
     return app
 
 

@@ -1,5 +1,6 @@
 """Repeat a recorded run, and find the first difference between the two trajectories."""
 
+import shlex
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -206,6 +207,7 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     """
     members, differences = build_swarm(recorded.scenario).members, []
     states = [f"agent {m.name} {state}" for m in members for state in m.dynamics.states]
+    programs = {name: group.program for name, group, _ in recorded.scenario.roster()}
     inputs = {m.name: [f"u.{name}" for name in m.dynamics.inputs] for m in members}
     for n, (old, new) in enumerate(zip(recorded.states, again.states, strict=False)):
         if old != new:
@@ -216,9 +218,10 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
         b.solve_time = a.solve_time  # wall time
         if a != b:
             where = f"step {n}, agent {a.agent}, k = {a.k}, t = {a.t:.6f} s"
-            differences.append(
-                (a.t, f"{where}: {_first_field(a, b, 'u', inputs.get(a.agent, []))}")
-            )
+            words = f"{where}: {_first_field(a, b, 'u', inputs.get(a.agent, []))}"
+            if (program := programs[a.agent]) and (a.u, a.u_nom) != (b.u, b.u_nom):
+                words += f": its program, {shlex.join(program)}, is not deterministic"
+            differences.append((a.t, words))
             break
     if differences:
         return min(differences, key=lambda difference: difference[0])[1]

@@ -1,5 +1,6 @@
 """An agent's own program: asked by lines of JSON, and named in one line whatever it does."""
 
+import re
 import shutil
 import sys
 from dataclasses import dataclass
@@ -104,3 +105,13 @@ def test_nothing_runs_without_trust_or_a_file() -> None:
     with pytest.raises(ScenarioError, match=r"no program to run: ./elsewhere for cart-1"):
         phalanx.run(load("warehouse", {"agents.0.program": program}), engine="in-process")
     assert shutil.which(program[0]) is None
+
+
+@pytest.mark.slow
+def test_verify_names_a_program_that_is_not_deterministic() -> None:
+    does = "print(json.dumps({'u': [time.time() % 1, 0.0]}), flush=True)"
+    found = run(sys.executable, "-c", f"import time; {ANSWER}{does}", duration=0.05)
+    assert re.search(
+        r"u.vx .*: its program, .*, is not deterministic",
+        str(phalanx.verify(found, engine="in-process")),
+    )
