@@ -57,6 +57,7 @@ MAKERS = (
     of_viewer("viewer-fence*", "fence"),
     of_viewer("viewer-alarm*", "surrounded"),
     of_viewer("viewer-swarm", "swarm"),
+    of_viewer("viewer-radio*", "radio"),
     Maker(
         "evidence/network/faults_picture.py", "faults-*.png",
         ("evidence/network/faults_picture.py", "tests/network/pictured_faults.py", LOOKS),

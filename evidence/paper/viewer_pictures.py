@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 IMAGES = Path("docs/images")
 HOST = "127.0.0.1"
-WIDE, NARROW = (1440, 900), (800, 600)
+WIDE, DESK, NARROW = (1440, 900), (1280, 800), (800, 600)
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 CLOCK = r"t = ([\d.]+) s"
 # What viser says of a browser without a graphics card would cover the scene.
@@ -63,6 +63,8 @@ SHOTS = (
     Shot("viewer-alarm", "surrounded", at=1.2),
     Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
     Shot("viewer-swarm", "swarm", CROWD, at=2.5),
+    Shot("viewer-radio", "radio", at=2.6, size=DESK),
+    Shot("viewer-radio-dark", "radio", at=2.6, size=DESK, dark=True),
 )
 LIVE = {"viewer-live": WIDE, "viewer-live-narrow": NARROW}
 """Pictures of a live run."""

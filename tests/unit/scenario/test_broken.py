@@ -232,7 +232,10 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     ),
     "unknown law": (
         replace('"pursue"', '"persue"'),
-        ["agents.1.law: expected one of track-velocity, track, give-way, pursue", "got 'persue'"],
+        [
+            "agents.1.law: expected one of track-velocity, track, give-way, unstick, pursue",
+            "got 'persue'",
+        ],
     ),
     "script that goes back in time": (
         replace(
