@@ -48,6 +48,7 @@ from phalanx.theory.laws.law import (
     View,
 )
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
+from phalanx.theory.laws.unstick import Unstick
 from phalanx.theory.margins.integrated import IntegratedMargin
 from phalanx.theory.margins.local import LocalMargin
 from phalanx.theory.margins.margin import Margin, PairRow
@@ -129,6 +130,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Member",
     "Track",
     "TrackVelocity",
+    "Unstick",
     "Chase",
     "GiveWay",
     "Pursue",
