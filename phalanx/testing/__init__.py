@@ -9,7 +9,7 @@ With pytest, the fixtures of docs/testing.md do the same, and say more of a fail
 
 from phalanx.testing.claims import ClaimError
 from phalanx.testing.conditions import faulty
-from phalanx.testing.faults import (
+from phalanx.testing.fault_tables import (
     actuator,
     clock,
     hijack,

@@ -46,7 +46,7 @@ def runs_to_decide(share: float, bound: float, confidence: float = LEVEL) -> int
         low, high = beta_mixture(round(share * runs), runs, confidence)
         if high < bound or low >= bound:
             return runs
-        runs += max(1, runs // 50)
+        runs += max(1, runs // 20)
     return None
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -11,6 +12,7 @@ from tests.unit.testing.crossing import CROSSING, UNFILTERED
 
 pytest_plugins = ["pytester"]
 
+EXAMPLE = Path(__file__).parents[3] / "examples" / "testing" / "test_unicycles.py"
 PROJECT = f"""
 import pytest
 CROSSING, UNFILTERED = {CROSSING!r}, {UNFILTERED!r}
@@ -106,6 +108,12 @@ def test_it_works_with_xdist(pytester):
     result = pytester.runpytest_subprocess(*options("-n", "2"))
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines(["replay: phalanx run *"])
+
+
+@pytest.mark.slow
+def test_the_example_of_the_page_passes(pytester):
+    pytester.makepyfile(test_unicycles=EXAMPLE.read_text("utf-8"))
+    pytester.runpytest_inprocess(*options("-k", "seed:0")).assert_outcomes(passed=1, deselected=1)
 
 
 def test_a_session_without_a_swarm_imports_nothing_heavy(tmp_path):
