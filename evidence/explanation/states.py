@@ -10,7 +10,6 @@ input keeps: how often the least conflict is not that which trying every subset 
 """
 
 import argparse
-import itertools
 from collections.abc import Iterator
 from itertools import chain, combinations
 
@@ -32,10 +31,13 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
 
 SCENARIOS = {
-    "crossing": 8.0, "swarm2d": 12.0, "warehouse": 6.0, "prove": 4.0, "unknown": 4.0,
-    "guaranteed": 6.0, "pinned": 4.0, "evidence/explanation/drives.toml": 10.0,
+    "crossing": 8.0, "swarm2d": 12.0, "unknown": 4.0, "fence": 12.0,
+    "evidence/explanation/swap.toml": 5.0, "evidence/explanation/drives.toml": 10.0,
+    "evidence/explanation/lagged.toml": 6.0,
 }  # fmt: skip
-"""Shipped scenarios, and one in which robots wait: until when samples are drawn [s]."""
+"""Scenarios, some in which robots wait, and until when samples are drawn [s]."""
+MOST_DRAWN = 2000
+"""Samples drawn until enough are found that a row holds back."""
 CONFLICTS = 1000
 
 
@@ -64,12 +66,14 @@ def held_back(name: str, until: float, count: int) -> Iterator[ControllerSteps]:
         run.agents.steps[agent.i] = ControlStep(rows, agent.i, agent)
     run.run()
     draws = Draws(scenario.seed, "explained", scenario.name, width=2)
-    for number in itertools.count():
+    for number in range(MOST_DRAWN):
         of_agent, of_step = draws[number]
         agent = agents[int(of_agent * len(agents))]
         alone = ControllerSteps(rows, agent.i)
         alone(*agent.steps[int(of_step * len(agent.steps))])
-        if any(row.binds for row in row_costs(alone)):
+        assert alone.result is not None
+        held = not np.array_equal(alone.result.decision.u, alone.wish)
+        if held and any(row.binds for row in row_costs(alone)):
             yield alone
             count -= 1
         if not count:
