@@ -13,7 +13,7 @@ from phalanx.launcher.network_effect import network_effect
 from phalanx.launcher.run import Run
 from phalanx.launcher.run import run as run_scenario
 from phalanx.launcher.verify import first_difference, verify
-from phalanx.recording.metrics.measures import Thresholds
+from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.metrics.table import metrics_of
 from phalanx.testing.claims import claim
 from phalanx.testing.conditions import Source, faulty
@@ -96,6 +96,19 @@ class CheckedRun(Run):
             if (arrival := agent["arrival_time"]) is not None and arrival > by:
                 return f"{name} was there from t = {arrival:.3f} s on"
         return None
+
+    @claim
+    def assert_no_deadlock(self) -> str | None:
+        """Claim that no normal agent stands though it wants to move, as deadlock_time has it."""
+        of_agents = waits_of_agents(self.recording, self._swarm, Thresholds())
+        waits = [(wait, name) for name, of_agent in of_agents.items() for wait in of_agent]
+        if not waits:
+            return None
+        (begin, end, nearest), name = min(waits)
+        return (
+            f"{name} stood though it wanted to move from t = {begin:.3f} to {end:.3f} s, "
+            f"nearest to {nearest}: phalanx explain {self.folder} --agent {name} --at {end:.3f}"
+        )
 
     @claim
     def assert_recovers(self, after: str, within: float) -> str | None:

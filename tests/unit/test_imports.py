@@ -129,7 +129,7 @@ BUDGET: Mapping[str, int] = {
     "seeded": 180,
     "studies": 2125,
     "swarm": 1960,
-    "testing": 920,
+    "testing": 930,
     "theory": 9490,
     "viewer": 5340,
     "wire": 600,

@@ -10,6 +10,10 @@ from tests.unit.testing.crossing import CROSSING, UNFILTERED, crossed
 
 CUT = partition(["a"], at=0.5, for_=0.5)
 LIE = lie("b", says="opposite", at=0.2, for_=1.0)
+HEAD_ON = {
+    "agents.0.start": [[-1.5, 0.0], [1.5, 0.0]],
+    "agents.0.goal": [[1.5, 0.0], [-1.5, 0.0]],
+}
 WATCHED = {"safety.information": "split", "safety.watch": True}
 RUNS = {
     "plain": {},
@@ -19,6 +23,7 @@ RUNS = {
     "seen": {"overrides": {"safety.information": "split"}, "loss": 0.5},
     "watched": {"overrides": WATCHED, "faults": [LIE]},
     "killed": {"faults": [kill("b", at=0.3)]},
+    "head-on": {"overrides": HEAD_ON},
 }
 
 
@@ -32,6 +37,7 @@ KEPT = [
     ("plain", "safe", {}),
     ("plain", "never_closer", {"distance": 1.2}),
     ("plain", "arrives", {"by": 2.9}),
+    ("plain", "no_deadlock", {}),
     ("cut", "recovers", {"after": "partition", "within": 0.2}),
     ("plain", "never", {"predicate": lambda now: now.h["a-b"] > 0.0}),
     ("plain", "eventually", {"predicate": lambda now: now.states["a"][0] > 1.0, "by": 2.9}),
@@ -45,6 +51,7 @@ BROKEN = [
     ("plain", "never_closer", {"distance": 1.5}, r"a and b were 1\.\d+ m apart at t = 1\.\d+ s"),
     ("plain", "arrives", {"by": 0.5}, r"\w was there from t = \d\.\d+ s on"),
     ("killed", "arrives", {"by": 2.9}, r"b ended \S+ m from its goal"),
+    ("head-on", "no_deadlock", {}, r"\w stood .* s, nearest to \w: phalanx explain /\S+"),
     ("plain", "recovers", {"after": "partition", "within": 0.2}, "no such fault"),
     ("cut", "recovers", {"after": "partition", "within": 2.0}, "it lasts until t = 1 s"),
     ("late", "recovers", {"after": "partition", "within": 0.1}, "it lasts until t = 6 s"),
