@@ -128,7 +128,9 @@ Insecure = Annotated[
 ]
 Trust = Annotated[
     bool,
-    typer.Option("--trust", help="Import, and so run, the Python modules that the scenario names."),
+    typer.Option(
+        "--trust", help="Run what the scenario names: Python modules, agents' own programs."
+    ),
 ]
 Engine = Annotated[
     str,

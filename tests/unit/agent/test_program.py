@@ -1,6 +1,5 @@
 """An agent's own program: asked by lines of JSON, and named in one line whatever it does."""
 
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -12,8 +11,9 @@ import pytest
 
 import phalanx
 from phalanx.extend import Array, GiveWay, Law, TrackVelocity, View
-from phalanx.scenario.load import load
-from phalanx.scenario.model import ScenarioError
+from phalanx.scenario.load import from_json, load
+from phalanx.scenario.model import ScenarioError, to_json
+from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import build_swarm
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "programs"
@@ -131,7 +131,9 @@ def test_nothing_runs_without_trust_or_a_file() -> None:
         load("warehouse", {"agents.0.program": program}, trust=False)
     with pytest.raises(ScenarioError, match=r"no program to run: ./elsewhere for cart-1"):
         phalanx.run(load("warehouse", {"agents.0.program": program}), engine="in-process")
-    assert shutil.which(program[0]) is None
+    recorded = to_json(load("warehouse", {"agents.0.program": program}))
+    with code_trusted(False), pytest.raises(ScenarioError, match=r"names code of its own, ./other"):
+        from_json(recorded.replace("./elsewhere", "./other"))
 
 
 @pytest.mark.slow
