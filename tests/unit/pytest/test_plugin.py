@@ -124,3 +124,28 @@ def test_a_session_without_a_swarm_imports_nothing_heavy(tmp_path):
     command = [sys.executable, "-c", code, "--collect-only", "-q", *options(str(tmp_path))]
     text = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
     assert "['phalanx', 'phalanx.pytest', 'phalanx.pytest.plugin'] False" in text
+
+
+@pytest.mark.slow
+def test_a_law_of_the_test_module_is_an_object(pytester):
+    test = """
+from dataclasses import dataclass
+import numpy as np
+
+@dataclass
+class Still:
+    def prepare(self, dynamics): pass
+    def input(self, view): return np.zeros(2)
+
+def test_standing(phalanx_run):
+    run = phalanx_run(CROSSING, overrides={"agents.0.law": Still(), "duration": 0.2})
+    run.assert_never(lambda now: abs(now.states["a"][0] + 1.5) > 1e-9)
+
+def test_in_a_function(phalanx_run):
+    @dataclass
+    class Hidden(Still): pass
+    phalanx_run(CROSSING, overrides={"agents.0.law": Hidden()})
+"""
+    result = run(pytester, test)
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*Hidden is made in a function*"])
