@@ -3,6 +3,8 @@
 from enum import StrEnum
 from typing import NamedTuple
 
+import numpy as np
+
 from phalanx.faults.commands import Condition
 from phalanx.messages.frames import AgentStatus
 from phalanx.theory.rows.origin import Origin
@@ -16,8 +18,8 @@ LIE: Colour = (6, 182, 212)
 OBSTACLE: Colour = (100, 116, 139)
 FRESH: Colour = (13, 170, 155)
 OLD: Colour = (219, 39, 119)
-_OLD_AFTER = 1.0
-"""Age of what is drawn in the colour of the old [s]."""
+_AGES = 0.0, 0.5, 1.0
+"""Of what is drawn in the colours of the fresh, the late and the old [s]."""
 
 
 class Palette(NamedTuple):
@@ -67,6 +69,6 @@ def role(status: AgentStatus, adversary: bool) -> Role:
 
 def age_colour(age: float) -> Colour:
     """The colour of a state that was sampled so long ago [s]."""
-    share = min(max(age / _OLD_AFTER, 0.0), 1.0)
-    red, green, blue = (round(a + share * (b - a)) for a, b in zip(FRESH, OLD, strict=True))
+    stops = zip(FRESH, LATE, OLD, strict=True)
+    red, green, blue = (round(float(np.interp(age, _AGES, channel))) for channel in stops)
     return red, green, blue

@@ -118,7 +118,8 @@ def legend(model: SceneModel) -> Markup:
         else _mark("┃", OBSTACLE, "height over the ground"),
     ]
     if model.swarm.by_radio:
-        marks += [_mark("◎", FRESH, "believed now"), _mark("◎", OLD, "a second ago or more")]
+        ages = (FRESH, "believed now"), (LATE, "½ s ago"), (OLD, "1 s ago or more")
+        marks += [_mark("◎", colour, age) for colour, age in ages]
     summary = element("summary", "Legend")
     kind = "phalanx-over phalanx-legend"
     folding = element("details", summary, element("div", *marks), kind=kind, open="")
