@@ -17,7 +17,8 @@ def explain(
     run: RunArgument,
     agent: Annotated[str | None, typer.Option(help="The name of a normal agent.")] = None,
     at: Annotated[
-        float | None, typer.Option(min=0.0, help="Virtual time [s]: its last sample up to then.")
+        float | None,
+        typer.Option(min=0.0, help="Virtual time in seconds: its last sample up to then."),
     ] = None,
     worst: Annotated[
         bool, typer.Option("--worst", help="When an input was farthest from the wish.")

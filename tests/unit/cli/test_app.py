@@ -55,7 +55,7 @@ def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names
     ours = list(get_command(core()).commands)
     assert [name for name in TOP if name in ours] == ours
     assert [name for name in TOP if name not in ours] == [
-        "keys", "router", "report", "animate",
+        "explain", "keys", "router", "report", "animate",
         "study", "view", "export", "viewer",
         "attack", "certify", "ros2", "shrink", "replay", "fit",
     ]  # fmt: skip
