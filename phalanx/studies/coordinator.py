@@ -4,10 +4,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from itertools import groupby
+from pathlib import Path
 from typing import NamedTuple
 
 from phalanx.launcher import interrupt
-from phalanx.scenario.model import ScenarioError
+from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.schema.user_code import imported_sources
 from phalanx.studies.plan import Case, Plan
 from phalanx.studies.row import (
@@ -33,10 +34,15 @@ def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str
     except ScenarioError as error:
         return Identity("", case.seed, "", versions()), {}, str(error)
     sources = imported_sources(scenario.model_dump(mode="json"))
-    identity = Identity(
-        digest_of_scenario(scenario), case.seed, digest_of_modules(sources), versions()
-    )
+    code = digest_of_modules({**sources, **_program_files(scenario)})
+    identity = Identity(digest_of_scenario(scenario), case.seed, code, versions())
     return identity, sources, ""
+
+
+def _program_files(scenario: Scenario) -> dict[str, bytes]:
+    """Return the files among the words of users' own programs, by path."""
+    words = {Path(word) for group in scenario.agents for word in group.program}
+    return {str(path): path.read_bytes() for path in words if path.is_file()}
 
 
 class StudyProgress(NamedTuple):

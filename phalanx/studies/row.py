@@ -39,7 +39,7 @@ class Identity(NamedTuple):
     """Of the scenario with all defaults, before its seed draws anything."""
     seed: int
     modules: str
-    """Of the sources of the user's modules that the scenario imports."""
+    """Of the sources of the user's modules that the scenario imports, and the files of programs."""
     versions: str
     """Of Phalanx's sources, and the versions of the libraries that compute."""
 

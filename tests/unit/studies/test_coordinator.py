@@ -142,3 +142,14 @@ def test_a_runs_key_does_not_depend_on_the_other_seeds_of_its_plan(scenario):
         identity, *_ = identity_of(plan, next(plan.cases()))
         keys.append(identity._replace(seed=0).key)
     assert keys[0] == keys[1]
+
+
+def test_a_row_follows_from_the_file_of_a_users_own_program(tmp_path):
+    file = tmp_path / "agent.py"
+    given = {"agents.0.program": ["python", str(file)], "agents.0.filter": True}
+    plan, keys = plan_from({"scenario": "warehouse", "overrides": given}), set()
+    for text in ("one", "another"):
+        file.write_text(text)
+        identity, *_ = identity_of(plan, next(plan.cases()))
+        keys.add(identity.key)
+    assert len(keys) == 2
