@@ -73,7 +73,7 @@ class Cart(TrackVelocity):
 
 @dataclass
 class Robot(GiveWay):
-    """The law of examples/programs/robot.py inside Phalanx."""
+    """The law of examples/programs/robot.py and robot.cpp inside Phalanx."""
 
     def input(self, view: View) -> Array:
         from examples.programs.robot import acceleration
@@ -96,19 +96,24 @@ def same_bits(scenario: str, law: Law, program: list[str], **short: object) -> p
     return outside
 
 
+def in_both_languages(name: str, folder: Path) -> list[list[str]]:
+    """Return the commands of an example in C++, which is built, and in Python."""
+    options = ["-O2", "-ffp-contract=off", "-o", folder / name]
+    subprocess.run(["g++", *options, EXAMPLES / f"{name}.cpp"], check=True)
+    return [[str(folder / name)], [sys.executable, str(EXAMPLES / f"{name}.py")]]
+
+
 @pytest.mark.slow
 def test_programs_in_two_languages_give_the_bits_of_the_same_law_inside(tmp_path: Path) -> None:
-    options = ["-O2", "-ffp-contract=off", "-o", tmp_path / "cart"]
-    subprocess.run(["g++", *options, EXAMPLES / "cart.cpp"], check=True)
-    for program in ([str(tmp_path / "cart")], PROGRAM["agents.0.program"]):
+    for program in in_both_languages("cart", tmp_path):
         assert same_bits("warehouse", Cart(), program, duration=0.3).verdict == "guaranteed"
 
 
 @pytest.mark.slow
-def test_a_program_knows_its_peers_by_radio() -> None:
-    program = [sys.executable, str(EXAMPLES / "robot.py")]
+def test_programs_know_their_peers_by_radio(tmp_path: Path) -> None:
     robot = Robot(gains=(1.0, 4.0), speed=3.0)
-    assert same_bits("radio", robot, program, duration=1.0).verdict == "guaranteed"
+    for program in in_both_languages("robot", tmp_path):
+        assert same_bits("radio", robot, program, duration=1.0).verdict == "guaranteed"
 
 
 def test_others_count_on_a_program_only_if_it_says_what_it_keeps() -> None:
