@@ -78,17 +78,17 @@ def become(swarm: Swarm, membership: Membership) -> NoReturn:
     """
     name = membership.identity
     i = swarm.names.index(name)
-    own = membership.of(name, (name,), swarm.names)
+    agent = membership.of(name, (name,), swarm.names)
     environment = {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
     environment |= settings(swarm, i) | {
-        "PHALANX_RUN": own.run,
-        "PHALANX_CONNECT": own.endpoint,
+        "PHALANX_RUN": agent.run,
+        "PHALANX_CONNECT": agent.endpoint,
         "PHALANX_DIGEST": swarm.digest,
-        "PHALANX_PASSWORD": own.password_of(name),
-        "PHALANX_KEYRING": json.dumps({of: key.hex() for of, key in (own.held or {}).items()}),
+        "PHALANX_PASSWORD": agent.password_of(name),
+        "PHALANX_KEYRING": json.dumps({of: key.hex() for of, key in (agent.held or {}).items()}),
     }
-    if own.identity_folder is not None:
-        environment["PHALANX_KEYS"] = str(own.identity_folder)
+    if agent.identity_folder is not None:
+        environment["PHALANX_KEYS"] = str(agent.identity_folder)
     command = swarm.groups[i].program
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     os.execvpe(command[0], command, environment)

@@ -102,7 +102,7 @@ def adds_up(row: RowCost, difference: np.ndarray) -> bool:
     """True if a row's terms and what the input leaves of it are a (wish - input)."""
     assert row.a is not None
     scale = max(1.0, *map(abs, row.terms.values()))
-    return abs(sum(row.terms.values()) + row.left - float(row.a @ difference)) <= 1e-9 * scale
+    return abs(sum(row.terms.values()) + row.slack - float(row.a @ difference)) <= 1e-9 * scale
 
 
 def wrong_conflicts() -> int:

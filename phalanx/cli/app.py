@@ -49,8 +49,8 @@ def core() -> typer.Typer:
     app.command()(verify)
     app.command(rich_help_panel=_PROGRAMS)(plant)
     app.command(rich_help_panel=_PROGRAMS)(agent)
-    own = {"allow_interspersed_args": False}  # what follows is the program's
-    app.command("test-agent", rich_help_panel=_PROGRAMS, context_settings=own)(conform)
+    settings = {"allow_interspersed_args": False}  # what follows is the program's
+    app.command("test-agent", rich_help_panel=_PROGRAMS, context_settings=settings)(conform)
     return app
 
 

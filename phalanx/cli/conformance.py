@@ -59,13 +59,13 @@ def conform(
     summary = run.summary
     assert summary is not None
     reasons = [summary.reason] if summary.outcome == "broken" else []
-    found = [*reasons, *_mistakes(steps, group, summary.rejected)]
+    mistakes = [*reasons, *_mistakes(steps, group, summary.rejected)]
     name = shlex.join(command)
-    echo(*(f"{name} breaks a rule: {words}" for words in found))
-    if not found:
+    echo(*(f"{name} breaks a rule: {words}" for words in mistakes))
+    if not mistakes:
         slowest = max((1e3 * step.solve_time for step in steps), default=0.0)
         echo(f"{name} keeps the rules: {len(steps)} answers, the slowest after {slowest:.3g} ms")
-    return 1 if found else 0
+    return 1 if mistakes else 0
 
 
 def _mistakes(steps: "list[Step]", group: "AgentGroup", rejected: dict[str, int]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from phalanx.theory.expressions.exact import length
 _EXACT = 0.02
 """Precision of a change, relative to it: the least that frees is not less."""
 _LEAST = 1e-6
-"""Smallest change that is told from none, as a share of the way."""
+"""Smallest change that is looked for, as a share of the way."""
 _FREE = 1e-9
 """Distance of an input from its wish below which it is the wish, relative to the wish."""
 

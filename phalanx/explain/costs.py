@@ -38,7 +38,7 @@ class RowCost(NamedTuple):
     """half, whole, all pairs or own part."""
     terms: Mapping[str, float]
     """Of a u_nom - bound, in the unit of h per second to the q; m/s of an own part."""
-    left: float
+    slack: float
     """bound - a u of the applied input: 0 if the row binds, negative if it is violated."""
     per_metre: float | None = None
     """Change of the row by one more metre between the two; None if there is no such distance."""
@@ -59,7 +59,7 @@ class RowCost(NamedTuple):
     def binds(self) -> bool:
         """True if the row keeps the wish from being applied."""
         size = max(1.0, *map(abs, self.terms.values()))
-        return self.excess > 0.0 and self.left <= BINDS * size
+        return self.excess > 0.0 and self.slack <= BINDS * size
 
     def in_metres(self) -> dict[str, float]:
         """Return the distance that would make up for each term [m]."""
@@ -119,10 +119,10 @@ def _pair(steps: ControllerSteps, rows: SafetyRows, other: int, part: RowPart) -
     if part is RowPart.WHOLE and other in result.used:
         del terms[ADVERSARY]
         terms[ANNOUNCED] = inner(row.forces.tolist(), now.received[other].u)
-    left = terms[WISH] - added(terms.values()) - inner(row.a.tolist(), result.decision.u.tolist())
+    slack = terms[WISH] - added(terms.values()) - inner(row.a.tolist(), result.decision.u.tolist())
     terms = {name: value for name, value in terms.items() if value != 0.0 or name == WISH}
     label = swarm.safe_set.labels[other]
-    return RowCost(label, part.name.lower(), terms, left, row.per_metre, row.a)
+    return RowCost(label, part.name.lower(), terms, slack, row.per_metre, row.a)
 
 
 def _composed(steps: ControllerSteps, rows: SafetyRows) -> RowCost:
@@ -139,8 +139,8 @@ def _composed(steps: ControllerSteps, rows: SafetyRows) -> RowCost:
         elif l != i:
             costs[f"{ADVERSARY}: {swarm.names[l]}"] = most
     costs["margin η"] = terms.margin
-    left = costs[WISH] - added(costs.values()) - inner(a, u)
-    return RowCost("all pairs", "all pairs", costs, left, a=terms.c[i])
+    slack = costs[WISH] - added(costs.values()) - inner(a, u)
+    return RowCost("all pairs", "all pairs", costs, slack, a=terms.c[i])
 
 
 def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
@@ -150,7 +150,7 @@ def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
     if parts.limits is None:
         return []
     wish, applied = parts.spending()
-    own = radio.with_beliefs.points[steps.i].motion
+    own_motion = radio.with_beliefs.points[steps.i].motion
     p, v = np.split(parts.reference, 2)
     costs = []
     for k, l in enumerate(parts.near):
@@ -166,13 +166,13 @@ def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
                 "distance to where it is believed": -centre,
                 "age of what is known": centre - near + motion.stopping(fastest) - way,
                 "required distance": parts.radius,
-                "own way to stop": own.stopping(float(length(v))),
+                "own way to stop": own_motion.stopping(float(length(v))),
                 "the other's way to stop": way,
-                "disturbance": own.tube + motion.tube,
+                "disturbance": own_motion.tube + motion.tube,
             }
             terms |= {name: parts.share * metres for name, metres in in_metres.items()}
         terms["share of the gap that it keeps"] = wish[k] - allowed - added(terms.values())
         name = f"obstacle {k}" if l is None else swarm.names[l]
-        left = allowed - float(applied[k])
-        costs.append(RowCost(name, "own part", terms, left, parts.share))
+        slack = allowed - float(applied[k])
+        costs.append(RowCost(name, "own part", terms, slack, parts.share))
     return costs

@@ -78,7 +78,7 @@ class Explanation:
         """Return the sentences and all numbers, of all rows."""
         rows = [
             {"other": row.other, "part": row.part, "binds": row.binds, "excess": row.excess,
-             "left": row.left, "terms": dict(row.terms), "metres": row.in_metres()}
+             "slack": row.slack, "terms": dict(row.terms), "metres": row.in_metres()}
             for row in self.rows
         ]  # fmt: skip
         changes = self.advice and [change._asdict() for change in self.advice]
@@ -127,8 +127,8 @@ def _conflict(steps: ControllerSteps, costs: list[RowCost]) -> list[tuple[str, f
     chosen = least_conflict(inputs, every)
     if not chosen:
         return []
-    given = given_up(inputs, every, chosen).tolist()
-    return [(rows[k].other, by) for k, by in zip(chosen, given, strict=True)]
+    violations = given_up(inputs, every, chosen).tolist()
+    return [(rows[k].other, by) for k, by in zip(chosen, violations, strict=True)]
 
 
 def _of_row(row: RowCost) -> str:

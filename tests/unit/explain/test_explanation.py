@@ -118,7 +118,7 @@ def test_the_costs_of_a_row_are_those_of_the_filters_own_row(name, overrides, ag
         scale = max(1.0, *map(abs, cost.terms.values()))
         # What separates the wish from the input in this row, but for what the input leaves of it.
         apart = float(a @ (u_nom - u))
-        assert sum(cost.terms.values()) + cost.left == pytest.approx(apart, abs=1e-9 * scale)
+        assert sum(cost.terms.values()) + cost.slack == pytest.approx(apart, abs=1e-9 * scale)
         assert cost.bound == pytest.approx(bound, abs=1e-9 * scale)
         assert cost.terms[WISH] == pytest.approx(float(a @ u_nom), abs=1e-9 * scale)
 
