@@ -79,14 +79,19 @@ def become(swarm: Swarm, membership: Membership) -> NoReturn:
     name = membership.identity
     i = swarm.names.index(name)
     agent = membership.of(name, (name,), swarm.names)
-    environment = {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
-    environment |= settings(swarm, i) | {
-        "PHALANX_RUN": agent.run,
-        "PHALANX_CONNECT": agent.endpoint,
-        "PHALANX_DIGEST": swarm.digest,
-        "PHALANX_PASSWORD": agent.password_of(name),
-        "PHALANX_KEYRING": json.dumps({of: key.hex() for of, key in (agent.held or {}).items()}),
-    }
+    environment = (
+        _without_secrets()
+        | settings(swarm, i)
+        | {
+            "PHALANX_RUN": agent.run,
+            "PHALANX_CONNECT": agent.endpoint,
+            "PHALANX_DIGEST": swarm.digest,
+            "PHALANX_PASSWORD": agent.password_of(name),
+            "PHALANX_KEYRING": json.dumps(
+                {of: key.hex() for of, key in (agent.held or {}).items()}
+            ),
+        }
+    )
     if agent.identity_folder is not None:
         environment["PHALANX_KEYS"] = str(agent.identity_folder)
     command = swarm.groups[i].program
@@ -113,7 +118,7 @@ class ProgramProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 bufsize=0,
-                env={**os.environ, **environment},
+                env=_without_secrets() | dict(environment),
                 start_new_session=True,  # a Ctrl-C is for the run, which ends it
                 preexec_fn=_begin,
             )
@@ -128,6 +133,7 @@ class ProgramProcess:
 
     def ask(self, question: bytes) -> bytes:
         """Return the line that answers a line, both without their ends. Raises ProgramError."""
+        self._require_silence()
         until, rest = time.monotonic() + self._patience, question + b"\n"
         while rest:
             self._wait(self._to, select.POLLOUT, until, "to read a line")
@@ -150,6 +156,15 @@ class ProgramProcess:
             raise self.error("one line for each sample", "more of them")
         return line
 
+    def _require_silence(self) -> None:
+        """Raise ProgramError if it has written since its answer: lines would be one sample off."""
+        poll = select.poll()
+        poll.register(self._from, select.POLLIN)
+        if poll.poll(0):
+            if os.read(self._from, LONGEST_LINE):
+                raise self.error("one line for each sample", "more of them")
+            raise self._ended()
+
     def error(self, expected: str, got: str) -> ProgramError:
         """Make the error of a rule that it broke."""
         return ProgramError(self.name, expected, got)
@@ -168,6 +183,11 @@ class ProgramProcess:
             return self.error("to answer until its input ends", "a closed stream")
         how = f"its death by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
         return self.error("to answer until its input ends", how)
+
+
+def _without_secrets() -> dict[str, str]:
+    """Return this process's environment without the secrets of all agents."""
+    return {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
 
 
 def _begin() -> None:

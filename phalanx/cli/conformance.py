@@ -49,7 +49,8 @@ def conform(
     plain = phalanx.load(scenario, table)
     index = next(n for n, group in enumerate(plain.agents) if group.role == "normal")
     group = plain.agents[index]
-    fields = {"program": command, "protocol": str(protocol), "filter": False}
+    fields: dict[str, Any] = {"program": command, "protocol": str(protocol), "filter": False}
+    fields |= {"controller": None}
     fields["keeps"] = group.radio.rows if group.radio else "halves"
     table |= {f"agents.{index}.{field}": value for field, value in fields.items()}
     table |= {"duration": min(plain.duration, _LONGEST), "time.timeout": _TIMEOUT}
@@ -58,7 +59,11 @@ def conform(
     steps = [step for step in run.recording.steps if step.agent in group.names]
     summary = run.summary
     assert summary is not None
+    if summary.outcome == "stopped":
+        raise KeyboardInterrupt
     reasons = [summary.reason] if summary.outcome == "broken" else []
+    if not steps and not reasons:
+        reasons = ["expected an answer to a sample, got none"]
     mistakes = [*reasons, *_mistakes(steps, group, summary.rejected)]
     name = shlex.join(command)
     echo(*(f"{name} breaks a rule: {words}" for words in mistakes))

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 from phalanx.explain.repetition import ControllerSteps
 from phalanx.scenario.load import load
-from phalanx.scenario.model import Scenario, ScenarioError, to_json
+from phalanx.scenario.model import Scenario, to_json
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.exact import length
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 _EXACT = 0.02
 """Precision of a change, relative to it: the least that frees is not less."""
@@ -68,7 +69,7 @@ class Advice(NamedTuple):
 
     def __str__(self) -> str:
         values = {
-            path: f"{value:.4g}" if isinstance(value, float) else str(value)
+            path: f"{value:.9g}" if isinstance(value, float) else str(value)
             for path, value in self.overrides.items()
         }
         sets = " ".join(f"--set {path}={value}" for path, value in values.items())
@@ -82,7 +83,7 @@ def frees(steps: ControllerSteps, overrides: Mapping[str, Any]) -> bool:
         rows = build_rows(build_swarm(load(table, overrides)))
         other = steps.under(rows)
         wish, result = other.wish, other.result
-    except (ScenarioError, ArithmeticError):
+    except (ValueError, ArithmeticError, MistakenMethodError):  # no such scenario, or no input
         return False
     assert result is not None
     return float(length(result.decision.u - wish)) <= _FREE * max(1.0, float(length(wish)))
@@ -94,7 +95,11 @@ def changes(scenario: Scenario, field: Field, share: float) -> dict[str, Any]:
     moved = {path: value * (1.0 + share * (field.end - 1.0)) for path, value in numbers.items()}
     if field.path.endswith("every"):
         moved = {path: max(1, int(value)) for path, value in moved.items()}
-    return {path: value for path, value in moved.items() if value != numbers[path]}
+    return {
+        path: value
+        for path, value in moved.items()
+        if value != numbers[path] and not path.endswith(".exponent")
+    }
 
 
 def _numbers(node: Any, path: str, keys: Sequence[str]) -> Iterator[tuple[str, float]]:

@@ -21,10 +21,13 @@ def explain(
         typer.Option(min=0.0, help="Virtual time in seconds: its last sample up to then."),
     ] = None,
     worst: Annotated[
-        bool, typer.Option("--worst", help="When an input was farthest from the wish.")
+        bool, typer.Option("--worst", help="When an input was farthest from what the law wanted.")
     ] = False,
     stuck: Annotated[
-        bool, typer.Option("--stuck", help="When an agent first stood though it wanted to move.")
+        bool,
+        typer.Option(
+            "--stuck", help="Amid the longest time that one stood though it wanted to move."
+        ),
     ] = False,
     changes: Annotated[
         bool, typer.Option(help="Look for changes that would free it: seconds for each field.")

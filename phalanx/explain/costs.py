@@ -59,7 +59,8 @@ class RowCost(NamedTuple):
     def binds(self) -> bool:
         """True if the row keeps the wish from being applied."""
         size = max(1.0, *map(abs, self.terms.values()))
-        return self.excess > 0.0 and self.slack <= BINDS * size
+        # No input satisfies a row that is not a number: its margin is not known.
+        return not self.excess <= 0.0 and not self.slack > BINDS * size
 
     def in_metres(self) -> dict[str, float]:
         """Return the distance that would make up for each term [m]."""
@@ -152,7 +153,7 @@ def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
     wish, applied = parts.spending()
     own_motion = radio.with_beliefs.points[steps.i].motion
     p, v = np.split(parts.reference, 2)
-    costs = []
+    costs, peers = [], sum(l in result.sets for l in parts.near if l is not None)
     for k, l in enumerate(parts.near):
         allowed, terms = float(parts.limits.most[k]), {WISH: float(wish[k])}
         if l is not None and l in result.sets:
@@ -172,7 +173,7 @@ def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
             }
             terms |= {name: parts.share * metres for name, metres in in_metres.items()}
         terms["share of the gap that it keeps"] = wish[k] - allowed - added(terms.values())
-        name = f"obstacle {k}" if l is None else swarm.names[l]
+        name = f"obstacle {k - peers}" if l is None else swarm.names[l]
         slack = allowed - float(applied[k])
         costs.append(RowCost(name, "own part", terms, slack, parts.share))
     return costs

@@ -48,7 +48,7 @@ class Explanation:
         """Describe the step in at most twelve sentences."""
         about = f"Agent {self.agent} at t = {self.t:.4g} s"
         wish, u = (_numbers(values) for values in (self.wish, self.u))
-        if self.wish == self.u:
+        if np.allclose(self.wish, self.u, rtol=_SMALL, atol=_SMALL):
             return [f"{about} applied what its law wanted, {u}: no row held it back."]
         lines = [f"{about} wanted {wish} and applied {u} ({origin_label(self.origin)})."]
         if self.conflict:

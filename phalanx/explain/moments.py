@@ -8,7 +8,10 @@ from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.scenario.load import inline
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import OF_CONTROLLERS, Origin
+
+_BY_ROWS = frozenset(Origin) - {Origin.ATTACK, *OF_CONTROLLERS}
+"""Origins of inputs that rows decided."""
 
 
 def worst(recording: Recording, agent: str | None = None) -> tuple[str, float]:
@@ -19,7 +22,7 @@ def worst(recording: Recording, agent: str | None = None) -> tuple[str, float]:
     steps = [
         step
         for step in recording.steps
-        if step.u_nom and step.origin != Origin.ATTACK and agent in (None, step.agent)
+        if step.u_nom and step.origin in _BY_ROWS and agent in (None, step.agent)
     ]
     if not steps:
         raise EngineError("the recording holds no input of a normal agent, or of no such agent")

@@ -82,13 +82,20 @@ def repeated(recording: Recording, agent: str, t: float) -> ControllerSteps:
     if agent not in names:
         raise EngineError(f"agent: expected one of {', '.join(names)}, got {agent}")
     i = names.index(agent)
-    if i not in rows.swarm.normal or rows.swarm.groups[i].controller is not None:
+    if i not in rows.swarm.normal or not rows.swarm.groups[i].filtered:
         raise EngineError(f"agent {agent}: expected a normal agent with rows: it has none")
     run = Simulation(rows, options=RunOptions("in-process", commands=commands_of(recording)))
     steps = ControllerSteps(rows, i)
     run.agents.steps[i] = ControlStep(rows, i, steps)
     run.advance()
-    times = [step.t for step in recording.steps if step.agent == agent and step.t <= t]
-    if not steps.steps or not times or steps.steps[-1].t != max(times):
+    decided = [step for step in recording.steps if step.agent == agent and step.t <= t]
+    last = max(decided, key=lambda step: step.t, default=None)
+    if not steps.steps or last is None or steps.steps[-1].t != last.t:
         raise EngineError(f"agent {agent} decided nothing at {t:g} s: it attacks, or was restarted")
+    assert steps.result is not None
+    if tuple(steps.result.decision.u.tolist()) != tuple(last.u):
+        raise EngineError(
+            f"agent {agent}: repeated, its controller decides otherwise at {last.t:g} s: it was "
+            "hijacked, or its world or program does not repeat itself"
+        )
     return steps

@@ -1,7 +1,8 @@
 """The terms of one pair's row apart, by the expressions that the filter's row is compiled from.
 
 c_i u_i + motion + allowance + the other's worst + margin <= 0. The margin is split by what is left
-of it without disturbance, then without jitter too. Terms of a half row are halves.
+of it without disturbance, then without jitter too; a given η is one term. Terms of a half row are
+halves.
 """
 
 from collections.abc import Mapping
@@ -18,7 +19,8 @@ from phalanx.theory.rows.pairs import most_of_other
 from phalanx.theory.safety.pairs import spread
 
 MOTION, ALLOWANCE, ADVERSARY = "motion without inputs", "allowance α(ψ)", "the other at its worst"
-PERIOD, JITTER, DISTURBANCE = "margin: sampling period", "margin: jitter", "margin: disturbance"
+GIVEN, PERIOD = "margin: η as given", "margin: sampling period"
+JITTER, DISTURBANCE = "margin: jitter", "margin: disturbance"
 
 
 class RowTerms(NamedTuple):
@@ -49,7 +51,8 @@ class PairRowTerms:
             MOTION: share * ca.sum1(chain.drift),
             ALLOWANCE: share * chain.alpha,
             ADVERSARY: most_of_other(pair) if part is RowPart.WHOLE else ca.SX(0),
-            PERIOD: period,
+            GIVEN: ca.SX(share * margin.eta),
+            PERIOD: period - share * margin.eta,
             JITTER: without_phi - period,
             DISTURBANCE: eta - without_phi,
         }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.files import whole_file
 from phalanx.launcher.engine import silent
 from phalanx.launcher.run import Run
 from phalanx.pytest.regressions import keep
@@ -21,7 +22,7 @@ _FILE = "scenario.toml"
 def failure_lines(config: pytest.Config, test: str, run: Run, claim: Claim | None) -> Iterator[str]:
     """Yield a line for each thing to know, and keep the run as the options say.
 
-    test: its name, that of a folder of artifacts.
+    test: its node id, the name of a folder of artifacts.
     """
     scenario, summary = run.scenario, run.summary
     if summary is not None:
@@ -32,7 +33,8 @@ def failure_lines(config: pytest.Config, test: str, run: Run, claim: Claim | Non
     if config.option.phalanx_shrink:
         table, words = _shrunk(run, table)
         yield f"shrunk: {words}"
-    (folder / _FILE).write_text(scenario_text(table), encoding="utf-8")
+    with whole_file(folder / _FILE) as part:
+        part.write_text(scenario_text(table), encoding="utf-8")
     yield f"replay: phalanx run {folder / _FILE}"
     if scenario.reading:
         yield f"or: {scenario.reading.command(scenario.seed)}"

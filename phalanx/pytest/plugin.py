@@ -161,14 +161,21 @@ def pytest_runtest_makereport(
     report = yield
     if report.when != "call" or not report.failed or not isinstance(item, pytest.Function):
         return report
-    claim = getattr(call.excinfo and call.excinfo.value, "claim", None)
-    runs = [claim.run] if claim else item.stash.get(_RUNS, [])[-1:]
-    for run in runs:
-        from phalanx.pytest.failure import failure_lines
+    error = call.excinfo and call.excinfo.value
+    runs = item.stash.get(_RUNS, [])[-1:]
+    if not runs and not hasattr(error, "claim"):
+        return report
+    from phalanx.pytest.failure import failure_lines
+    from phalanx.testing import ClaimError
 
-        report.sections.append(
-            ("phalanx", "\n".join(failure_lines(item.config, item.name, run, claim)))
-        )
+    claim = error.claim if isinstance(error, ClaimError) else None
+    for run in [claim.run] if claim else runs:
+        lines = list[str]()
+        try:
+            lines += failure_lines(item.config, item.nodeid, run, claim)
+        except Exception as unexpected:  # no failure of a test may end the whole session
+            lines.append(f"no more is known of the run: {unexpected!r}")
+        report.sections.append(("phalanx", "\n".join(lines)))
     return report
 
 

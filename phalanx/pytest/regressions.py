@@ -11,8 +11,9 @@ import pytest
 
 from phalanx.files import whole_file
 from phalanx.scenario.load import scenario_text
+from phalanx.scenario.model import ScenarioError
 from phalanx.testing import CheckedRun, run
-from phalanx.testing.claims import Claim
+from phalanx.testing.claims import Claim, ClaimError
 
 _CLAIM = "# claim: "
 
@@ -64,7 +65,9 @@ class Regression(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """Return the claim that failed, and how to repeat the run."""
-        return f"{excinfo.value}\nreplay: phalanx run {self.path}"
+        expected = isinstance(excinfo.value, ClaimError | ScenarioError)
+        why = str(excinfo.value) if expected else str(super().repr_failure(excinfo, style))
+        return f"{why}\nreplay: phalanx run {self.path}"
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return file, line and name."""

@@ -47,9 +47,10 @@ class StatementLedger:
         self._convicted = defaultdict[int, set[int]](set)
 
     def restarted(self, i: int) -> None:
-        """Forget what agent i knew: another process has taken over."""
-        for by_agent in (self.known, self._in_flight, self._convicted):
-            by_agent[i].clear()
+        """Forget what agent i knew, if it has a radio: another process has taken over."""
+        if i in self.known:
+            for by_agent in (self.known, self._in_flight, self._convicted):
+                by_agent[i].clear()
 
     def sampled(
         self, i: int, t: float, k: int, x: Sequence[float],

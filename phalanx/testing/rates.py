@@ -79,9 +79,13 @@ class RateStudy:
 
         hit: what is counted in the place of violated runs.
 
-        Raises AssertionError: it is not below, not decided after all seeds, or a run broke.
+        Raises AssertionError: it is not below, not decided after all seeds, or a run broke;
+        ValueError: the bound or the confidence is no share.
         """
         __tracebackhide__ = True
+        if not (0.0 < bound <= 1.0 and 0.0 < confidence < 1.0):
+            expected = "a bound above 0 and at most 1, and a confidence between 0 and 1"
+            raise ValueError(f"expected {expected}, got {bound:g} and {confidence:g}")
         hits = list[int]()
 
         def outcomes() -> Iterator[bool]:

@@ -110,8 +110,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 1190,
-    "cli": 1420,
+    "agent": 1210,
+    "cli": 1430,
     "explain": 790,
     "faults": 1030,
     "guarantee": 2640,

@@ -97,8 +97,9 @@ class Beliefs:
             self._used[i].append({self._index[name] for name, _ in step.ages})
 
     def _restart(self, t: float, i: int) -> None:
-        self.news[i] += [News(t, l, None) for l in self._ledger.known[i]]
-        self._ledger.restarted(i)
+        if i in self.news:
+            self.news[i] += [News(t, l, None) for l in self._ledger.known[i]]
+            self._ledger.restarted(i)
 
     def at(self, i: int, t: float) -> list[Belief]:
         """Return agent i's beliefs at t [s]; none of an agent without a radio."""

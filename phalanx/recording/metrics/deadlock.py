@@ -34,7 +34,7 @@ class Wait(NamedTuple):
     end: float
     """[s]"""
     nearest: str
-    """The other agent, obstacle or limit that was nearest when it began."""
+    """The other agent or obstacle that was nearest when it began."""
 
 
 def waits(
@@ -77,20 +77,25 @@ def waits(
 def held_by_rows(dynamics: Dynamics, steps: Sequence[Step], t: Array) -> Array:
     """Return 1 at the times [s] at which an agent wants to move and its rows do not let it, else 0.
 
-    A wish beyond U_i is one for the nearest input in it, where U_i is constant. Shape (s,).
+    A wish beyond U_i is one for the nearest input in it, where U_i is constant; where it is not,
+    the largest input is that of all steps. Shape (s,).
     """
     inputs = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
     nearest = NearestInput(dynamics.input_metric())
+    sizes = [step.u for step in steps] if inputs is None else inputs.corners
+    least = _WISHES * float(length(np.array(sizes)).max(initial=0.0))
     held = [0.0]
     for step in (ordered := sorted(steps, key=lambda step: step.t_apply)):
         u, wish = np.array(step.u), np.array(step.u_nom or step.u)
         if inputs is not None:
             within = nearest.solve(wish, inputs)
             wish = u if within is None else within
-        least = _WISHES * float(length(wish if inputs is None else inputs.corners).max())
         held.append(float(min(length(wish), length(u - wish)) > least))
     times = np.array([step.t_apply for step in ordered])
-    return np.array(held)[np.searchsorted(times, t, side="right")]
+    of_step = np.searchsorted(times, t, side="right")
+    # One that died wants nothing, though its actuator holds its last input.
+    until = times[-1] + 2.0 * float(np.diff(times).max()) if len(times) > 1 else np.inf
+    return np.where(t <= until, np.array(held)[of_step], 0.0)
 
 
 def deadlocks(

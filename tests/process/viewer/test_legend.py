@@ -22,6 +22,7 @@ MARKS = {
     "agents/liars": "sent a false broadcast",
     "agents/goals": "goal",
     "arrows/applied": "applied input",
+    "beliefs": "believed now",
     "arrows/nominal": "nominal input",
     "formation/corridor": "width of the formation",
     "formation/path": "path of the formation's middle",
@@ -64,7 +65,9 @@ def server():
     opened.stop()
 
 
-@pytest.mark.parametrize("name", ["unicycles", "formation3d", "fence", "surrounded", "warehouse"])
+@pytest.mark.parametrize(
+    "name", ["unicycles", "formation3d", "fence", "surrounded", "warehouse", "radio"]
+)
 def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> None:
     model = scene_model(load(name))
     Scene(server, model, lambda _: None)
@@ -72,6 +75,8 @@ def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> 
     nodes = {m.name.strip("/") for m in messages if isinstance(m, _CreateSceneNodeMessage)}
     parents = {node.rpartition("/")[0] for node in nodes}
     empty = {"ground/drops"} if model.flat else set()
+    if not model.swarm.by_radio:
+        empty |= {node for node in nodes if node.startswith("beliefs/")}
     marks = {mark(node) for node in nodes - parents - empty} - {None}
     assert "normal" in marks
     text = unescape(legend(model))

@@ -1,5 +1,6 @@
 """An agent's own program: asked by lines of JSON, and named in one line whatever it does."""
 
+import select
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from phalanx_agent.program import ProgramError, ProgramProcess
 
 import phalanx
 from phalanx.extend import Array, GiveWay, Law, TrackVelocity, View
@@ -148,3 +150,27 @@ def test_verify_names_a_program_that_is_not_deterministic() -> None:
     words = str(phalanx.verify(found, engine="in-process"))
     assert "u.vx recorded" in words
     assert words.endswith("is not deterministic")
+
+
+@pytest.mark.slow
+def test_a_line_more_is_an_error_at_the_next_sample_whenever_it_comes(tmp_path: Path) -> None:
+    late = tmp_path / "late.py"
+    late.write_text(
+        "import sys, time\n"
+        "for line in sys.stdin:\n"
+        "    print('{\"u\": [1]}', flush=True)\n"
+        "    time.sleep(0.05); print('{\"u\": [2]}', flush=True)\n"
+    )
+    process = ProgramProcess([sys.executable, str(late)], {}, 20.0)
+    assert process.ask(b"{}") == b'{"u": [1]}'
+    select.select([process._from], [], [], 20.0)
+    with pytest.raises(ProgramError, match="one line for each sample, got more of them"):
+        process.ask(b"{}")
+
+
+def test_a_program_gets_no_secret_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHALANX_SECRET", "s")
+    monkeypatch.setenv("PHALANX_COMMAND_SECRET", "c")
+    said = "import os; print([n for n in os.environ if 'SECRET' in n], flush=True); input()"
+    process = ProgramProcess([sys.executable, "-c", f"input(); {said}"], {}, 20.0)
+    assert process.ask(b"{}") == b"[]"

@@ -38,8 +38,8 @@ def test_a_program_that_keeps_the_rules_passes(capsys: pytest.CaptureFixture[str
 def test_a_mistake_is_named(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     does, says = MISTAKES[name]
     assert status(["test-agent", sys.executable, "-c", LOOP + does]) == 1
-    (line,) = capsys.readouterr().out.splitlines()
-    assert says in line
+    # On a busy machine an answer may be late too.
+    assert any(says in line for line in capsys.readouterr().out.splitlines())
 
 
 ON_THE_WIRE = {

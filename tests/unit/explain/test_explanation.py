@@ -73,7 +73,10 @@ def waiting(swap: Recording) -> ControllerSteps:
 
 def test_four_that_swap_places_wait_and_the_rows_of_the_nearest_are_named(swap, waiting):
     agent, t, lines = moments.stuck(swap)
-    assert (agent, len(lines)) == ("a", 4)
+    assert (agent, len(lines)) == ("a", 5)
+    assert lines[-1].endswith(
+        '{ type = "unstick", of = { type = "track-velocity", gain = 1.0 } }\''
+    )
     assert 3.0 < t < 7.0
     explanation = explained(waiting, changes=False)
     assert [row.other for row in explanation.binding] == ["c", "d"]
@@ -161,12 +164,26 @@ def test_a_field_that_the_scenario_lacks_is_never_advised(waiting):
 
 @pytest.mark.slow
 def test_rows_that_exclude_one_another_are_named_with_what_each_would_give():
-    between = {"agents.0.start": [[0.0, 0.0], [-0.6, 0.0], [0.6, 0.0], [0.0, -3.0]]}
+    between = {"agents.0.start": [[0.0, 0.0], [-1.3, 0.0], [1.3, 0.0], [0.0, -3.0]]}
     explanation = explained(repeated(recorded(SWAP, between, 0.1), "a", 0.0), changes=False)
     assert explanation.origin == "backup"
     assert [other for other, _ in explanation.conflict] == ["b", "c"]
     assert all(by > 0.0 for _, by in explanation.conflict)
     assert "each would have to give: b by " in explanation.sentences()[1]
+
+
+@pytest.mark.slow
+def test_a_given_margin_is_called_by_its_name():
+    given = {"safety.margin": "paper", "safety.eta": 0.5}
+    costs = row_costs(repeated(recorded(SWAP, given, 0.3), "a", 0.3))
+    assert [cost.terms["margin: η as given"] for cost in costs] == [0.25] * 3
+    assert all("margin: sampling period" not in cost.terms for cost in costs)
+
+
+def test_a_hijacked_agent_is_not_explained_by_the_input_that_it_claims():
+    hijack = {"faults": [{"kind": "hijack", "agents": ["a"], "at": 0.5}]}
+    with pytest.raises(EngineError, match="agent a: repeated, its controller decides otherwise"):
+        repeated(recorded(SWAP, hijack, 2.0), "a", 2.0)
 
 
 def test_what_no_row_made_has_no_explanation(swap):

@@ -83,3 +83,15 @@ def test_a_wish_is_held_if_it_is_one_to_move_and_the_input_another(wish, u, held
     times = np.array([0.5, 1.0, 2.0])
     robot = SingleIntegrator(speed=2.0)
     assert held_by_rows(robot, [step], times).tolist() == [0.0, held, held]
+
+
+def test_one_that_died_wants_nothing_though_its_actuator_holds_its_last_input():
+    steps = [
+        Step(
+            agent="a", k=k, t=0.1 * k, t_apply=0.1 * k, u=(0.0, 0.0), u_nom=(1.0, 0.0),
+            origin=Origin.QP, residual=0.0, solve_time=0.0, ages=[], fates=[],
+        )
+        for k in range(5)
+    ]  # fmt: skip
+    times = np.array([0.2, 0.5, 1.0, 50.0])
+    assert held_by_rows(SingleIntegrator(speed=2.0), steps, times).tolist() == [1.0, 1.0, 0.0, 0.0]

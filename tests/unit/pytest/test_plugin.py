@@ -68,8 +68,8 @@ def test_a_failure_says_pair_time_and_how_to_repeat_it(pytester):
 def test_a_failure_is_kept_as_a_regression_where_a_folder_is_named(pytester):
     pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
     run(pytester, FAILING, "--phalanx-artifacts", "artifacts").assert_outcomes(failed=1)
-    assert list(pytester.path.glob("artifacts/test_crossing/*/recording.mcap"))
-    assert list(pytester.path.glob("artifacts/test_crossing/*/report.html"))
+    assert list(pytester.path.glob("artifacts/*/*/recording.mcap"))
+    assert list(pytester.path.glob("artifacts/*/*/report.html"))
     assert len(list(pytester.path.glob("kept/crossing-pair-*.toml"))) == 1
     again = pytester.runpytest_inprocess(*options("kept"))
     again.assert_outcomes(failed=1)

@@ -70,3 +70,9 @@ def test_the_share_of_unsafe_runs_is_tested_with_the_same_seeds_each_time():
 def test_unsafe_runs_are_hits():
     with pytest.raises(AssertionError, match="not below"):
         RateStudy(CROSSING, overrides=UNFILTERED).assert_rate_below(0.5)
+
+
+@pytest.mark.parametrize(("bound", "confidence"), [(5.0, 0.95), (0.0, 0.95), (0.1, 95.0)])
+def test_a_bound_in_percent_is_refused(bound, confidence):
+    with pytest.raises(ValueError, match="expected a bound above 0 and at most 1"):
+        RateStudy("unicycles").assert_rate_below(bound, confidence)

@@ -34,17 +34,21 @@ class ExplanationPanel:
     ) -> None:
         """`moment` tells what the page shows when the button is pressed."""
         self._server, self._moment, self._asked = server, moment, 0
+        self._answering: Thread | None = None
         with gui.add_folder("Explanation", order=80, expand_by_default=False):
             button = gui.add_button("Explain the agent's input")
             self._text = Panel(gui, _texts(["The run is repeated up to the time shown."]))
         button.on_click(in_loop(lambda _: self._ask()))
 
     def _ask(self) -> None:
+        if self._answering and self._answering.is_alive():
+            return  # one program at a time
         self._asked += 1
         moment = self._moment()
         self._text.show(_texts([f"Explaining agent {moment.agent} at {moment.t:.3f} s ..."]))
         # Not in the server's thread: it takes as long as the run up to then.
-        Thread(target=self._answer, args=(moment, self._asked), daemon=True).start()
+        self._answering = Thread(target=self._answer, args=(moment, self._asked), daemon=True)
+        self._answering.start()
 
     def _answer(self, moment: Moment, number: int) -> None:
         sentences = explained(moment)
