@@ -107,7 +107,7 @@ class DistributedController:
         rows = rows.seen_by(i)
         swarm = rows.swarm
         self._members, self._parts = swarm.members, swarm.safe_set.parts
-        self._nominal = CheckedInput(swarm.law(i), swarm.members[i])
+        self.nominal: Callable[[View], Array] = CheckedInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
@@ -137,7 +137,7 @@ class DistributedController:
             beliefs = radio.with_beliefs
             convictions = tuple(beliefs.convictions)
             view = replace(view, age=beliefs.age, boxes=beliefs.boxes)
-        u_nom = self._nominal(view)
+        u_nom = self.nominal(view)
         if self._override is not None:
             decision, notes = self._override(view, u_nom, x, visible, t, received)
             return StepResult(decision, u_nom, [], notes, convictions=convictions)
@@ -167,7 +167,7 @@ class DistributedController:
         """Attack from now on, without a row; an adversary knows everything."""
         rows = self._everything
         self._members = rows.swarm.members
-        self._nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
+        self.nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
         self._override = self._wish = self.radio = None
         return self

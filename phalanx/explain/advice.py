@@ -79,6 +79,8 @@ class Advice(NamedTuple):
 def frees(steps: ControllerSteps, overrides: Mapping[str, Any]) -> bool:
     """Return whether the agent would apply its wish, as far as U_i has it, under these values."""
     table = json.loads(to_json(steps.rows.swarm.scenario))
+    for group in table["agents"]:  # wishes are known: no program is to be started again
+        group |= {"program": [], "filter": False, "keeps": None, "protocol": "stdio"}
     try:
         rows = build_rows(build_swarm(load(table, overrides)))
         other = steps.under(rows)

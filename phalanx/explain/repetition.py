@@ -1,6 +1,6 @@
 """The control steps of one agent of a recorded run, repeated in this process."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from phalanx_agent.controller import AgentController, DistributedController, StepResult
@@ -31,9 +31,14 @@ class Knowledge(NamedTuple):
 class ControllerSteps:
     """A normal agent's controller that keeps what it was called with."""
 
-    def __init__(self, rows: SafetyRows, i: int) -> None:
+    def __init__(self, rows: SafetyRows, i: int, wishes: Sequence[Array] = ()) -> None:
+        """wishes: of its law at each step, if the law is not to be asked again."""
         self.rows, self.i = rows, i
         self.controller = DistributedController(rows, i)
+        if wishes:
+            remaining = iter(wishes)
+            self.controller.nominal = lambda _: next(remaining)
+        self._wishes: list[Array] = []
         self.steps: list[Knowledge] = []
         """Of all its control steps."""
         self.result: StepResult | None = None
@@ -45,6 +50,7 @@ class ControllerSteps:
         """Decide, as an AgentController does."""
         self.steps.append(Knowledge(x.copy(), visible, t, dict(received)))
         self.result = self.controller(x, visible, t, received)
+        self._wishes.append(self.result.u_nom)
         return self.result
 
     def as_adversary(self) -> AgentController:
@@ -61,9 +67,13 @@ class ControllerSteps:
         return u_nom if u is None else u
 
     def under(self, rows: SafetyRows) -> "ControllerSteps":
-        """Decide the same steps with other rows: the last alone, unless radio has a memory."""
-        other = ControllerSteps(rows, self.i)
-        for step in self.steps if other.controller.radio else self.steps[-1:]:
+        """Decide the same steps, with the same wishes, by other rows.
+
+        The last step alone, unless radio has a memory. A law may have one too: it is not asked.
+        """
+        first = 0 if self.controller.radio else len(self.steps) - 1
+        other = ControllerSteps(rows, self.i, self._wishes[first:])
+        for step in self.steps[first:]:
             other(*step)
         return other
 

@@ -44,6 +44,11 @@ class Unstick:
     aside: Positive = 2.0
     """Length of a detour [m], and its least duration [s]."""
 
+    @property
+    def without_goal(self) -> bool:
+        """True if the law uses no goal."""
+        return bool(getattr(self.of, "without_goal", False))
+
     def prepare(self, dynamics: Dynamics) -> None:
         self.of.prepare(dynamics)
 

@@ -235,3 +235,14 @@ def test_a_row_of_all_pairs_is_freed_by_one_for_each_pair_where_that_lets_the_wi
     assert explained(steps, changes=False).binding
     assert frees(steps, PAIRS)
     assert PAIRS in [change.overrides for change in advice(steps)]
+
+
+@pytest.mark.slow
+def test_advice_is_for_the_wish_that_was_recorded_whatever_the_law_remembers():
+    law = {"type": "unstick", "of": SWAP["agents"][0]["law"], "patience": 0.5}
+    steps = repeated(recorded(SWAP, {"agents.0.law": law}, 3.0), "d", 3.0)
+    goal = np.subtract(SWAP["agents"][0]["goal"][3], steps.steps[-1].x[6:8])
+    assert not np.allclose(steps.result.u_nom, goal)  # it is on a detour
+    again = steps.under(steps.rows)
+    assert again.result.u_nom.tolist() == steps.result.u_nom.tolist()
+    assert again.result.decision.u.tolist() == steps.result.decision.u.tolist()
