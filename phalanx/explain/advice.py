@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from phalanx.explain.repetition import ControllerSteps
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario, to_json
+from phalanx.swarm.radio import gain
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.exact import length
@@ -93,7 +94,7 @@ def frees(steps: ControllerSteps, overrides: Mapping[str, Any]) -> bool:
 
 def changes(scenario: Scenario, field: Field, share: float) -> dict[str, Any]:
     """Return the overrides that move a field a share of the way to its end."""
-    numbers = dict(_numbers(json.loads(to_json(scenario)), "", field.path.split(".")))
+    numbers = dict(_numbers(_with_gain(scenario), "", field.path.split(".")))
     moved = {path: value * (1.0 + share * (field.end - 1.0)) for path, value in numbers.items()}
     if field.path.endswith("every"):
         moved = {path: max(1, int(value)) for path, value in moved.items()}
@@ -102,6 +103,16 @@ def changes(scenario: Scenario, field: Field, share: float) -> dict[str, Any]:
         for path, value in moved.items()
         if value != numbers[path] and not path.endswith(".exponent")
     }
+
+
+def _with_gain(scenario: Scenario) -> Any:
+    """Return the table of a scenario, in which each radio has the gain that counts."""
+    table, swarm = json.loads(to_json(scenario)), build_swarm(scenario)
+    peers = tuple(i for i in swarm.normal if swarm.groups[i].radio)
+    for group in table["agents"]:
+        if group["radio"]:
+            group["radio"]["gain"] = gain(swarm, peers)
+    return table
 
 
 def _numbers(node: Any, path: str, keys: Sequence[str]) -> Iterator[tuple[str, float]]:

@@ -25,8 +25,11 @@ from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.rows.origin import OF_PROOFS
 
 WISH, ANNOUNCED = "the wish", "the other's announced input"
-BINDS = 1e-6
-"""Distance of an input from a row, relative to the row, below which it binds."""
+BINDS, OWN_PART_BINDS = 1e-6, 2e-3
+"""Slack of a row, relative to it, and of an own part [m/s], below which it binds.
+
+The input is chosen a little inside of own parts.
+"""
 
 
 class RowCost(NamedTuple):
@@ -59,8 +62,9 @@ class RowCost(NamedTuple):
     def binds(self) -> bool:
         """True if the row keeps the wish from being applied."""
         size = max(1.0, *map(abs, self.terms.values()))
+        most = OWN_PART_BINDS if self.a is None else BINDS * size
         # No input satisfies a row that is not a number: its margin is not known.
-        return not self.excess <= 0.0 and not self.slack > BINDS * size
+        return not self.excess <= 0.0 and not self.slack > most
 
     def in_metres(self) -> dict[str, float]:
         """Return the distance that would make up for each term [m]."""

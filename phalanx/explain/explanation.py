@@ -16,6 +16,8 @@ from phalanx.theory.rows.row import Rows
 
 _SMALL = 1e-6
 """Inputs that are shown as 0."""
+_TELLING = 1e-3
+"""Costs below this share of the largest are left out of sentences."""
 _MOST_ROWS, _MOST_ADVICE = 3, 4
 """Described in sentences."""
 
@@ -135,7 +137,8 @@ def _of_row(row: RowCost) -> str:
     """One sentence on a row: its largest costs, in metres if there is such a distance."""
     in_metres = row.in_metres()
     costs, unit = (in_metres, " m") if in_metres else (row.terms, "")
-    taken = sorted(((cost, term) for term, cost in costs.items() if cost > 0.0), reverse=True)
+    least = _TELLING * max(costs.values())
+    taken = sorted(((cost, term) for term, cost in costs.items() if cost > least), reverse=True)
     terms = ", ".join(f"{cost:.3g}{unit} for {term}" for cost, term in taken)
     allowed = -costs.get(ALLOWANCE, 0.0)
     given = f"; α allows {allowed:.3g}{unit}" if allowed > 0.0 else ""

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phalanx.knowledge.motion import Motion, stacked
+from phalanx.knowledge.sets import HeardState, enclosures
 from phalanx.network.link import Link
 from phalanx.swarm.points import agent_point
 from phalanx.swarm.radio import gain
@@ -33,6 +35,10 @@ class RadioReach(NamedTuple):
     """What rows add for the time between samples and for the tubes, on both sides [m]."""
     sensor: float
     """Own sensors of peers to this distance make every lie harmless [m]."""
+    rest: float
+    """Two that want to pass one another stand at most so far apart, with what is `age` old [m]."""
+    rest_by_age: float
+    """The part of it that is for the age [m]."""
 
     @property
     def ratio(self) -> float:
@@ -46,7 +52,9 @@ class RadioReach(NamedTuple):
             f"{self.slack:.3g} m: Λ = {self.ratio:.3g}. In trials an agent that takes the newest "
             "state for the present one was never violated below 2, and nearly always above 4. "
             f"Beyond r* = {self.radius:.3g} m radio changes nothing. Own sensors of peers up to "
-            f"{self.sensor:.3g} m would make every lie about states harmless."
+            f"{self.sensor:.3g} m would make every lie about states harmless. Two that want to "
+            f"pass one another stop at most {self.rest:.3g} m apart, {self.rest_by_age:.2g} m of "
+            "it for the age of what they know."
         )
 
 
@@ -67,14 +75,26 @@ def _reach(swarm: Swarm, i: int, l: int, speeds: dict[int, float]) -> RadioReach
     function = swarm.safety.safe_set_function
     assert isinstance(function, Distance | Separation)  # the filter has refused others
     both = [(agent_point(swarm, j).motion, speeds[swarm.group_numbers[j]]) for j in (i, l)]
+    age, (own, other) = _median_age(swarm, l, i), (motion for motion, _ in both)
+    rest_by_age = _growth(other, age)
     closing, stopping = sum(v for _, v in both), sum(m.tube + m.stopping(v) for m, v in both)
     return RadioReach(
         closing,
         function.radius + stopping + closing / gain(swarm, (i, *swarm.peers(i))),
-        _median_age(swarm, l, i),
+        age,
         sum(motion.longest * v + motion.tube for motion, v in both),
         function.radius + stopping + closing * max(motion.longest for motion, _ in both),
+        function.radius + own.tube + other.tube + rest_by_age,
+        rest_by_age,
     )
+
+
+def _growth(motion: Motion, age: float) -> float:
+    """Return how far a peer that was at rest reaches an age later, and stops from there [m]."""
+    still = np.zeros(2 * motion.axes)
+    state = HeardState(0.0, still, still, 0.0, still[: motion.axes])
+    boxes = enclosures([state], np.array([age]), stacked([motion]))
+    return float(boxes.high[0, 0]) + motion.stopping(float(boxes.speed()[0]))
 
 
 def _speed(swarm: Swarm, i: int) -> float:

@@ -95,7 +95,7 @@ def metrics_of_agents(
                 **_task(swarm, i, t, states, p[:, i], limits),
                 **_distances(swarm, i, p),
                 **_inputs(of_agent, len(swarm.members[i].dynamics.inputs), end),
-                **_deadlock(waits.get(swarm.names[i])),
+                **_deadlock(waits.get(swarm.names[i]), end),
             }
             for i, of_agent in enumerate(steps)
         ]
@@ -167,12 +167,17 @@ def _distances(swarm: Swarm, i: int, p: Array) -> dict[str, Value]:
     }
 
 
-def _deadlock(waits: Sequence[Wait] | None) -> dict[str, Value]:
-    """Return for how long an agent is in deadlock, and since when; nothing of an adversary."""
+def _deadlock(waits: Sequence[Wait] | None, duration: float) -> dict[str, Value]:
+    """Return for how long an agent is in deadlock, and since when; nothing of an adversary.
+
+    duration: of the run [s].
+    """
     if waits is None:
         return {}
+    time = added([wait.end - wait.begin for wait in waits])
     return {
-        "deadlock_time": added([wait.end - wait.begin for wait in waits]),
+        "deadlock_time": time,
+        "deadlock_share": time / duration if duration else 0.0,
         "deadlock_since": min((wait.begin for wait in waits), default=None),
     }
 

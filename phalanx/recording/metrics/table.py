@@ -38,6 +38,7 @@ METRICS: Mapping[str, Metric] = {
     "arrived": Metric("", "at the end within reach of where the goal comes to rest", all),
     "arrival_time": Metric("s", "since when it has been there", max),
     "deadlock_time": Metric("s", "time that it stood though it wanted to move", sum),
+    "deadlock_share": Metric("", "the same as a share of the run", _mean),
     "deadlock_since": Metric("s", "since when it first did", min),
     "input_deviation_mean": Metric("of u", "‖u - u_nom‖, mean over the time", _mean),
     "input_energy": Metric("of u², s", "∫ ‖u‖² dt", sum),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import phalanx
 from phalanx.cli.app import FAILED, USAGE_ERROR, status
 from phalanx.explain import moments
 from phalanx.explain.advice import FIELDS, PAIRS, advice, changes, frees, least_change
@@ -246,3 +247,19 @@ def test_advice_is_for_the_wish_that_was_recorded_whatever_the_law_remembers():
     again = steps.under(steps.rows)
     assert again.result.u_nom.tolist() == steps.result.u_nom.tolist()
     assert again.result.decision.u.tolist() == steps.result.decision.u.tolist()
+
+
+@pytest.mark.slow
+def test_two_by_radio_stand_no_farther_apart_than_a_check_says_and_name_the_age():
+    facing = {
+        "agents.0.count": 2, "agents.0.start": [[4.0, 0, 0, 0], [-4.0, 0, 0, 0]],
+        "agents.0.goal": [[-4.0, 0.0], [4.0, 0.0]], "agents.0.spread": [0, 0, 0, 0],
+        "agents.0.law": {"type": "give-way", "gains": [1, 2], "speed": 3, "push": 0},
+        "faults": [], "network.loss": 0,
+    }  # fmt: skip
+    recording = recorded("radio", facing, 7.0)
+    x = recording.x[-1]
+    assert 1.0 < np.linalg.norm(x[:2] - x[4:6]) < phalanx.check(recording.scenario).radio.rest
+    (row,) = explained(repeated(recording, "1", 7.0), changes=False).binding
+    assert (row.other, row.part) == ("2", "own part")
+    assert row.in_metres()["age of what is known"] > 0.1
