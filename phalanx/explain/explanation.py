@@ -141,8 +141,8 @@ def _of_row(row: RowCost) -> str:
     taken = sorted(((cost, term) for term, cost in costs.items() if cost > least), reverse=True)
     terms = ", ".join(f"{cost:.3g}{unit} for {term}" for cost, term in taken)
     allowed = -costs.get(ALLOWANCE, 0.0)
-    given = f"; α allows {allowed:.3g}{unit}" if allowed > 0.0 else ""
-    return f"The row of {row.other} ({row.part}) binds: {terms}{given}."
+    allowance = f"; α allows {allowed:.3g}{unit}" if allowed > 0.0 else ""
+    return f"The row of {row.other} ({row.part}) binds: {terms}{allowance}."
 
 
 def _metres(row: RowCost, term: str) -> str:

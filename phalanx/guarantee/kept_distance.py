@@ -49,8 +49,8 @@ def kept_distances(rows: SafetyRows) -> KeptDistance | None:
     pairwise = swarm.safety.pairwise and not swarm.by_radio
     if not (pairwise and isinstance(function, Distance | Separation)):
         return None
-    kept = [_kept(rows, i, l, function.radius) for i, l in _normal_pairs(rows)]
-    return max((k for k in kept if k), key=lambda k: k.distance, default=None)
+    distances = [_kept(rows, i, l, function.radius) for i, l in _normal_pairs(rows)]
+    return max((k for k in distances if k), key=lambda k: k.distance, default=None)
 
 
 def _normal_pairs(rows: SafetyRows) -> Iterator[tuple[int, int]]:
@@ -68,8 +68,8 @@ def _kept(rows: SafetyRows, i: int, other: int, radius: float) -> KeptDistance |
     """The distance in the direction, along an axis or between two, in which it is largest."""
     part = RowPart.HALF if rows.swarm.sharing else RowPart.WHOLE
     evaluate, directions = PairRowTerms(rows, i, other, part), _directions(rows, other)
-    kept = [_in_direction(evaluate, direction, radius) for direction in directions]
-    return max((k for k in kept if k), key=lambda k: k.distance, default=None)
+    distances = [_in_direction(evaluate, direction, radius) for direction in directions]
+    return max((k for k in distances if k), key=lambda k: k.distance, default=None)
 
 
 def _in_direction(evaluate: PairRowTerms, direction: Array, radius: float) -> KeptDistance | None:
@@ -97,8 +97,8 @@ def _directions(rows: SafetyRows, other: int) -> list[Array]:
     swarm = rows.swarm
     dynamics = swarm.members[other].dynamics
     x = ca.SX.sym("x", len(dynamics.states))
-    place = dynamics.position(x)
-    moves = ca.substitute(ca.jacobian(place, x), x, ca.DM.zeros(*x.shape))
+    point = dynamics.position(x)
+    moves = ca.substitute(ca.jacobian(point, x), x, ca.DM.zeros(*x.shape))
     ways = np.linalg.pinv(np.array(ca.DM(moves))).T
     states = [*ways[:2], (ways[0] + ways[1]) / np.sqrt(2.0)]
     stacked = np.zeros((len(states), swarm.pairs.states))
