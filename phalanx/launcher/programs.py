@@ -57,8 +57,8 @@ def run_child(program: Program, rows: SafetyRows, membership: Membership, logs: 
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         served = rows.swarm.programs.get(program.identity, ())
-        own = membership.of(program.identity, served, rows.swarm.names)
-        status = run_program(rows, own, program.options)
+        of_program = membership.of(program.identity, served, rows.swarm.names)
+        status = run_program(rows, of_program, program.options)
     except BaseException:
         traceback.print_exc()
     finally:

@@ -186,10 +186,10 @@ def _decided(
     result = step.decide(x, visible, sample.t, received)
     if peers:
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + step.swarm.time.latency
-        own = tuple(x[step.swarm.safe_set.parts[step.i]].tolist())
-        z = own if result.reference is None else tuple(result.reference.tolist())
+        state = tuple(x[step.swarm.safe_set.parts[step.i]].tolist())
+        z = state if result.reference is None else tuple(result.reference.tolist())
         stated[step.name, t_apply] = Statement(
-            sender=step.i, k=sample.k, t_apply=t_apply, u=u, t=sample.t, x=own, z=z
+            sender=step.i, k=sample.k, t_apply=t_apply, u=u, t=sample.t, x=state, z=z
         )
     return msgspec.structs.replace(
         recorded,

@@ -24,12 +24,12 @@ def payload_bytes(swarm: Swarm, i: int) -> int:
 
 def traffic_in_words(swarm: Swarm) -> str:
     """Describe what normal agents broadcast, of most bytes first; empty if none is heard."""
-    found = set()
+    sizes = set()
     for i in (i for i in swarm.normal if swarm.heard_by(i)):
         every = swarm.broadcasters[swarm.names[i]].every
-        found.add((payload_bytes(swarm, i), every * swarm.groups[i].clock.period))
+        sizes.add((payload_bytes(swarm, i), every * swarm.groups[i].clock.period))
     return "; ".join(
         f"{1.0 / period:.3g} a second and agent, of at most {size} bytes: "
         f"{1e-3 * size / period:.3g} kB/s"
-        for size, period in sorted(found, reverse=True)
+        for size, period in sorted(sizes, reverse=True)
     )

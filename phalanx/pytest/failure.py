@@ -70,6 +70,7 @@ def _shrunk(run: Run, table: dict[str, object]) -> tuple[dict[str, object], str]
     except MissingExtensionError:
         return table, "no: pip install phalanx-attacks"
     reading = run.scenario.reading
-    found = smallest(table, read_table(reading.source) if reading else table)
-    before, after = found.sizes
-    return found.table, f"{after} values instead of {before}, after {found.runs} runs"
+    smaller_scenario = smallest(table, read_table(reading.source) if reading else table)
+    before, after = smaller_scenario.sizes
+    words = f"{after} values instead of {before}, after {smaller_scenario.runs} runs"
+    return smaller_scenario.table, words

@@ -66,8 +66,8 @@ class StatementLedger:
         if radio is not None and k % radio.every == 0:
             heard = [(l, said) for l, said in self.known[i].items() if said.k >= 0]
             heard.sort(key=lambda item: (-item[1].t, item[0]))
-            own = i, OwnStatement(k, t, tuple(x), t, ())
-            self._sent[i, k] = [own, *heard[: radio.relays]]
+            of_itself = i, OwnStatement(k, t, tuple(x), t, ())
+            self._sent[i, k] = [of_itself, *heard[: radio.relays]]
             self._sent.pop((i, k - _KEPT * radio.every), None)
 
     def _deliver(self, i: int, t: float, fates: Collection[DeliveryReport]) -> None:
@@ -79,9 +79,10 @@ class StatementLedger:
             claim, sent = fate.claim, self._sent.get((fate.sender, fate.k))
             if sent is None or claim is None:
                 continue
-            (_, own), *others = sent
-            x = claim.x or own.x
-            direct = OwnStatement(own.k, own.t, x, claim.t_apply, claim.u, x == own.x)
+            (_, statement), *others = sent
+            x = claim.x or statement.x
+            true = x == statement.x
+            direct = OwnStatement(statement.k, statement.t, x, claim.t_apply, claim.u, true)
             for l, said in [(fate.sender, direct), *others]:
                 newest = known[l].k if l in known else -1
                 if said.k > newest and l != i and l not in self._convicted[i]:

@@ -22,8 +22,8 @@ def table_of(fault: Fault) -> dict[str, Any]:
 
 
 def _fault(kind: str, **fields: Any) -> Fault:
-    given = {name.rstrip("_"): value for name, value in fields.items() if value is not None}
-    return _FAULT.validate_python({"kind": kind, **given})
+    fault = {name.rstrip("_"): value for name, value in fields.items() if value is not None}
+    return _FAULT.validate_python({"kind": kind, **fault})
 
 
 def partition(

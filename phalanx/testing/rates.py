@@ -101,15 +101,17 @@ class RateStudy:
 
     def _words(self, decision: Decision, bound: float, confidence: float, hits: list[int]) -> str:
         low, high = decision.interval
-        known = f"{decision.hits} of {decision.runs} runs: {low:.4g} to {high:.4g} ({confidence:g})"
+        interval = (
+            f"{decision.hits} of {decision.runs} runs: {low:.4g} to {high:.4g} ({confidence:g})"
+        )
         seeds = ", ".join(map(str, hits[:_LISTED])) + (", ..." if len(hits) > _LISTED else "")
         which = f"; seeds {seeds}" if hits else ""
         if decision.below is False:
-            return f"the rate is not below {bound:g}: {known}{which}"
+            return f"the rate is not below {bound:g}: {interval}{which}"
         share = decision.hits / max(decision.runs, 1)
         needed = runs_to_decide(share, bound, confidence)
         more = f"about {needed} runs would decide" if needed else "no number of runs would decide"
-        return f"not decided whether the rate is below {bound:g}: {known}; {more}{which}"
+        return f"not decided whether the rate is below {bound:g}: {interval}; {more}{which}"
 
     def _summary(self, seed: int) -> Summary:
         """Return the summary of a run, which is executed once."""

@@ -61,8 +61,8 @@ class CheckedRun(Run):
     @claim
     def assert_safe(self) -> str | None:
         """Claim that no pair was unsafe at any integration step, until the run's end."""
-        kept = self.verdict in (Outcome.GUARANTEED, Outcome.SAFE)
-        return None if kept else self._verdict_in_words
+        safe = self.verdict in (Outcome.GUARANTEED, Outcome.SAFE)
+        return None if safe else self._verdict_in_words
 
     @claim
     def assert_never_closer(self, distance: float) -> str | None:
@@ -72,12 +72,14 @@ class CheckedRun(Run):
         others = [(i, l) for i in swarm.normal for l in range(len(swarm.names)) if i != l]
         if not others:
             return "there is no other agent"
-        apart = np.array([length(p[:, i] - p[:, l]) for i, l in others])
-        pair, k = np.unravel_index(apart.argmin(), apart.shape)
-        if apart[pair, k] >= distance:
+        distances = np.array([length(p[:, i] - p[:, l]) for i, l in others])
+        pair, k = np.unravel_index(distances.argmin(), distances.shape)
+        if distances[pair, k] >= distance:
             return None
         i, l = (swarm.names[agent] for agent in others[pair])
-        return f"{i} and {l} were {apart[pair, k]:.4g} m apart at t = {recording.times[k]:.3f} s"
+        return (
+            f"{i} and {l} were {distances[pair, k]:.4g} m apart at t = {recording.times[k]:.3f} s"
+        )
 
     @claim
     def assert_arrives(self, by: float, reach: float = 0.5) -> str | None:
@@ -150,8 +152,8 @@ class CheckedRun(Run):
         self, predicate: Callable[[Moment], bool], by: float = np.inf
     ) -> str | None:
         """Claim that something holds at a recorded event up to a time [s]."""
-        kept = any(moment.t <= by and predicate(moment) for moment in self.moments)
-        return None if kept else f"false at every event up to t = {min(by, self._end):g} s"
+        came_true = any(moment.t <= by and predicate(moment) for moment in self.moments)
+        return None if came_true else f"false at every event up to t = {min(by, self._end):g} s"
 
     @claim
     def assert_detects(self, liar: str, within: float = np.inf) -> str | None:

@@ -83,11 +83,11 @@ class Beliefs:
             of_step, before = fates.of(step), dict(self._ledger.known[i])
             direct |= {(i, fate.sender, fate.k) for fate in of_step if fate.claim}
             state = x[max(int(np.searchsorted(times, step.t, side="right")) - 1, 0)]
-            own = state[self._swarm.safe_set.parts[i]].tolist()
+            own_state = state[self._swarm.safe_set.parts[i]].tolist()
             convicted = [
                 self._index[c.of] for c in convictions if (c.by, c.t) == (step.agent, step.t)
             ]
-            self._ledger.sampled(i, step.t, step.k, own, of_step, convicted)
+            self._ledger.sampled(i, step.t, step.k, own_state, of_step, convicted)
             self.news[i] += [
                 News(step.t, l, said, (i, l, said.k) not in direct)
                 for l, said in self._ledger.known[i].items()
