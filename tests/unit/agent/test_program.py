@@ -157,9 +157,8 @@ def test_a_line_more_is_an_error_at_the_next_sample_whenever_it_comes(tmp_path: 
     late = tmp_path / "late.py"
     late.write_text(
         "import sys, time\n"
-        "for line in sys.stdin:\n"
-        "    print('{\"u\": [1]}', flush=True)\n"
-        "    time.sleep(0.05); print('{\"u\": [2]}', flush=True)\n"
+        "sys.stdin.readline(); print('{\"u\": [1]}', flush=True)\n"
+        "time.sleep(0.05); print('{\"u\": [2]}', flush=True); sys.stdin.read()\n"
     )
     process = ProgramProcess([sys.executable, str(late)], {}, 20.0)
     assert process.ask(b"{}") == b'{"u": [1]}'

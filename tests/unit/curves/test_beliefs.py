@@ -6,6 +6,9 @@ import pytest
 import phalanx
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.read import read, swarm_of
+from phalanx.scenario.load import load
+from phalanx.swarm.statements import StatementLedger
+from phalanx.swarm.swarm import build_swarm
 
 CRASH = {"kind": "restart", "at": 0.6, "for": 0.4, "agents": ["2"]}
 
@@ -54,3 +57,12 @@ def test_a_baseline_believes_one_state_which_is_old(beliefs_of):
         heard = swarm_of(recording).positions(then)[belief.peer]
         np.testing.assert_allclose(belief.centre, heard, atol=0.1)
         assert belief.age > 0.0
+
+
+def test_one_without_a_radio_may_be_restarted():
+    swarm = build_swarm(load("warehouse-radio"))
+    ledger = StatementLedger(swarm)
+    before = {i: dict(known) for i, known in ledger.known.items()}
+    (truck,) = (i for i, name in enumerate(swarm.names) if name == "truck")
+    ledger.restarted(truck)
+    assert ledger.known == before
