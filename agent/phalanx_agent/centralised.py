@@ -7,7 +7,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx_agent.controller import DistributedController, StepResult
+from phalanx_agent.controller import AttackingController, StepResult
 
 
 class CentralisedController:
@@ -66,6 +66,6 @@ class CentralisedPart:
         """Decide, as an AgentController does; the centralised one sees all."""
         return self._whole.at(x, t)[self._i]
 
-    def as_adversary(self) -> DistributedController:
+    def as_adversary(self) -> AttackingController:
         """Attack alone; the centralised controller still assumes that the agent cooperates."""
-        return DistributedController(self._whole.rows, self._i).as_adversary()
+        return AttackingController(self._whole.rows, self._i)

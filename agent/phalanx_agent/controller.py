@@ -2,17 +2,18 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Protocol, Self
+from typing import Protocol
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from phalanx.messages.step_report import StepReport
 from phalanx.network.inbox import Conviction
-from phalanx.schema.registry import construct, part_of_agent
+from phalanx.schema.registry import part_of_agent
+from phalanx.swarm.attack import Attack
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
-from phalanx.theory.laws.law import CheckedInput, Law, StateBox, View
+from phalanx.theory.laws.law import CheckedInput, StateBox, View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput, SafetyFilter
@@ -163,13 +164,25 @@ class DistributedController:
         normal = [l for l in visible if not self._members[l].adversary]
         return View(i, states, normal, goal, terms, t)
 
-    def as_adversary(self) -> Self:
-        """Attack from now on, without a row; an adversary knows everything."""
-        rows = self._everything
-        self._members = rows.swarm.members
-        self.nominal = CheckedInput(construct(Law, {"type": "worst"}), self._members[self._i])
-        self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
-        self._override = self._wish = self.radio = None
+    def as_adversary(self) -> AgentController:
+        """Attack from now on."""
+        return AttackingController(self._everything, self._i)
+
+
+class AttackingController:
+    """The controller of an agent that was taken over."""
+
+    def __init__(self, rows: SafetyRows, i: int) -> None:
+        self._attack = Attack(rows, i)
+
+    def __call__(
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide, as an AgentController does."""
+        return StepResult(*self._attack(x, visible, t), [])
+
+    def as_adversary(self) -> AgentController:
+        """Go on."""
         return self
 
 

@@ -45,19 +45,21 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     Raises:
         HubError: the hub cannot be reached. Exception: that of a control step.
     """
+    keys, sealer = membership.keys, membership.sealer
+    hub = membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
     if membership.identity in rows.swarm.scenario.programs_by_zenoh():
+        # It need not try again until the hub is there.
+        open_member(*hub).close()  # type: ignore[no-untyped-call]
         part_of_agent("agents.protocol")(rows.swarm, membership)
     steps = control_steps(rows, membership.identity, membership)
-    keys, sealer, swarm = membership.keys, membership.sealer, steps[0].swarm
+    swarm = steps[0].swarm
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
     timeout = swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),
-        open_member(
-            membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
-        ) as session,
+        open_member(*hub) as session,
         contextlib.ExitStack() as while_open,
     ):
         senders = [_Sender(session, keys, sealer, step) for step in steps]

@@ -79,19 +79,16 @@ def become(swarm: Swarm, membership: Membership) -> NoReturn:
     name = membership.identity
     i = swarm.names.index(name)
     agent = membership.of(name, (name,), swarm.names)
-    environment = (
-        _without_secrets()
-        | settings(swarm, i)
-        | {
-            "PHALANX_RUN": agent.run,
-            "PHALANX_CONNECT": agent.endpoint,
-            "PHALANX_DIGEST": swarm.digest,
-            "PHALANX_PASSWORD": agent.password_of(name),
-            "PHALANX_KEYRING": json.dumps(
-                {of: key.hex() for of, key in (agent.held or {}).items()}
-            ),
-        }
-    )
+    links = swarm.scenario.model_dump(mode="json", by_alias=True, include={"network", "faults"})
+    environment = _without_secrets() | settings(swarm, i)
+    environment |= {
+        "PHALANX_RUN": agent.run,
+        "PHALANX_CONNECT": agent.endpoint,
+        "PHALANX_DIGEST": swarm.digest,
+        "PHALANX_LINKS": json.dumps(links),
+        "PHALANX_PASSWORD": agent.password_of(name),
+        "PHALANX_KEYRING": json.dumps({of: key.hex() for of, key in (agent.held or {}).items()}),
+    }
     if agent.identity_folder is not None:
         environment["PHALANX_KEYS"] = str(agent.identity_folder)
     command = swarm.groups[i].program

@@ -317,11 +317,9 @@ class ControlStep:
         turned = commands.adversary and not (self._commands and self._commands.adversary)
         self._commands = commands
         self.inbox.override_links(commands.loss, commands.delay)
-        if turned and commands.hidden:
-            attack = DistributedController(self._rows, self.i).as_adversary()
-            self._controller = HijackedController(self._controller, attack)
-        elif turned:
-            self._controller = self._controller.as_adversary()
+        if turned:
+            honest, attack = self._controller, self._controller.as_adversary()
+            self._controller = HijackedController(honest, attack) if commands.hidden else attack
 
 
 def control_steps(

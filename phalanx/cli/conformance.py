@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterator
 from enum import StrEnum
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,8 +12,9 @@ from phalanx.cli.options import Overrides
 from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
+    from phalanx.launcher.run import Run
     from phalanx.recording.records import Step
-    from phalanx.scenario.agents import AgentGroup
+    from phalanx.scenario.agents import AgentGroup, Clock
 
 _LONGEST, _TIMEOUT = 1.0, 4.0
 """Longest run [s of virtual time], and the plant's wait in it [s]."""
@@ -37,7 +39,8 @@ def conform(
 ) -> int:
     """Test whether your own program keeps the rules of an agent, and print those that it breaks.
 
-    It is run for a second of the scenario, without a filter. Exit status: 1 if it breaks a rule.
+    It is run for a second of the scenario, without a filter; by Zenoh once more in real time, which
+    shows who is late. Exit status: 1 if it breaks a rule.
 
       phalanx test-agent ./my_agent
       phalanx test-agent --scenario warehouse python examples/programs/cart.py
@@ -55,34 +58,52 @@ def conform(
     table |= {f"agents.{index}.{field}": value for field, value in fields.items()}
     table |= {"duration": min(plain.duration, _LONGEST), "time.timeout": _TIMEOUT}
     engine = "in-process" if protocol is Protocol.STDIO else "processes"
-    run = phalanx.run(phalanx.load(scenario, table), engine=engine)
-    steps = [step for step in run.recording.steps if step.agent in group.names]
-    summary = run.summary
-    assert summary is not None
-    if summary.outcome == "stopped":
-        raise KeyboardInterrupt
-    reasons = [summary.reason] if summary.outcome == "broken" else []
-    if not steps and not reasons:
-        reasons = ["expected an answer to a sample, got none"]
-    mistakes = [*reasons, *_mistakes(steps, group, summary.rejected)]
-    name = shlex.join(command)
+    tested, name = phalanx.load(scenario, table), shlex.join(command)
+    steps, mistakes = _steps(phalanx.run(tested, engine=engine), group)
+    waits = [step.solve_time for step in steps if step.k > 0]  # to start takes longer
+    if protocol is Protocol.ZENOH and not mistakes:
+        timed, mistakes = _steps(phalanx.run(tested, real_time=1.0), group)
+        waits = [gap for agent in group.names for gap in _gaps(timed, agent, group.clock)]
+    mistakes += _late(waits, group.clock.period)
     echo(*(f"{name} breaks a rule: {words}" for words in mistakes))
     if not mistakes:
-        slowest = max((1e3 * step.solve_time for step in steps), default=0.0)
-        echo(f"{name} keeps the rules: {len(steps)} answers, the slowest after {slowest:.3g} ms")
+        slowest = f"the slowest after {1e3 * max(waits, default=0.0):.3g} ms"
+        echo(f"{name} keeps the rules: {len(steps)} answers, {slowest}")
     return 1 if mistakes else 0
 
 
-def _mistakes(steps: "list[Step]", group: "AgentGroup", rejected: dict[str, int]) -> Iterator[str]:
-    """Yield, in words, the rules broken by answers that did not end the run."""
-    outside = [step for step in steps if step.origin == "controller-projected"]
-    if outside:
-        at = f"the first at t = {outside[0].t:g} s"
-        yield f"{len(outside)} of {len(steps)} inputs are outside U, {at}"
-    warm = [step for step in steps if step.k > 0]  # to start takes longer
-    late = [step.solve_time for step in warm if step.solve_time > group.clock.period]
-    if len(late) > _MOST_LATE * len(warm):
-        allowed = f"expected within {1e3 * group.clock.period:g} ms"
-        yield f"{len(late)} of {len(warm)} answers are late, {allowed}, got {1e3 * max(late):.3g}"
-    for reason, count in rejected.items():
-        yield f"{count} of its messages were refused: {reason}"
+def _steps(run: "Run", group: "AgentGroup") -> "tuple[list[Step], list[str]]":
+    """Return the answers of a group in a run, and in words the rules that they break."""
+    steps, summary = (
+        [step for step in run.recording.steps if step.agent in group.names],
+        run.summary,
+    )
+    assert summary is not None
+    if summary.outcome == "stopped":
+        raise KeyboardInterrupt
+    mistakes = [summary.reason] if summary.outcome == "broken" else []
+    if not steps and not mistakes:
+        mistakes = ["expected an answer to a sample, got none"]
+    if outside := [step.t for step in steps if step.origin == "controller-projected"]:
+        where = f"the first at t = {outside[0]:g} s"
+        mistakes.append(f"{len(outside)} of {len(steps)} inputs are outside U, {where}")
+    refused = summary.rejected.items()
+    return steps, mistakes + [f"{n} of its messages were refused: {why}" for why, n in refused]
+
+
+def _gaps(steps: "list[Step]", agent: str, clock: "Clock") -> Iterator[float]:
+    """Yield for each answer in real time how long it took, by the sample after it [s].
+
+    None is taken while an answer is missing: so it is known to half a period.
+    """
+    times = [step.t for step in steps if step.agent == agent]
+    yield from (b - a - clock.jitter - 0.5 * clock.period for a, b in pairwise(times))
+
+
+def _late(waits: list[float], period: float) -> list[str]:
+    """Return in words that too many answers take longer than a period [s], if they do."""
+    late = [wait for wait in waits if wait > period]
+    if len(late) <= _MOST_LATE * len(waits):
+        return []
+    allowed = f"expected within {1e3 * period:g} ms"
+    return [f"{len(late)} of {len(waits)} answers are late, {allowed}, got {1e3 * max(late):.3g}"]

@@ -55,7 +55,7 @@ class ControllerSteps:
 
     def as_adversary(self) -> AgentController:
         """Return the controller of an attacker, whose steps are not kept."""
-        return DistributedController(self.rows, self.i).as_adversary()
+        return self.controller.as_adversary()
 
     @property
     def wish(self) -> Array:

@@ -18,6 +18,7 @@ from phalanx.messages.kinds import Ended, Status
 from phalanx.messages.membership import Membership
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
+from phalanx.swarm.attack import Attack
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.world import WorldError
 from phalanx.wire.session import HubError
@@ -110,20 +111,22 @@ def run(
     rows.swarm.scenario.require_clock(real_time)
     stop = StopRequest()
     hub_class, clock, policy = _clock_for(policy, real_time)
-    scenario = rows.swarm.scenario
+    scenario, names = rows.swarm.scenario, rows.swarm.names
+    # A program that does the wire by itself need not know how to attack.
+    attacks = {i: Attack(rows, i) for i in map(names.index, scenario.programs_by_zenoh())}
     try:
         recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
     except RecordingError as error:
         _send_result(launcher, str(error))
         raise
     try:
-        hub = hub_class(rows.swarm, membership, stop.check, at_router)
+        hub = hub_class(rows.swarm, membership, stop.check, at_router, attacks)
     except HubError:
         recording.close()
         (folder / RECORDING).unlink()  # there was no run: the next attempt needs the name
         raise
     with recording, hub:
-        commands = CommandQueue(policy, rows.swarm.names, stop.check)
+        commands = CommandQueue(policy, names, stop.check)
         if policy.secret:
             hub.session.listen_for_commands(commands.on_command)
         hub.session.answer_viewers(commandable=bool(policy.secret), real_time=policy.real_time)

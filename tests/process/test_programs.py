@@ -16,6 +16,13 @@ from phalanx.scenario.model import Scenario, ScenarioError
 from tests.process.runs import on_both_engines
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "programs"
+ROBOT = {"program": [sys.executable, str(EXAMPLES / "robot_zenoh.py"), "-8", "0"]}
+ROBOT |= {"protocol": "zenoh", "keeps": "own-parts"}
+OF_OTHERS = [
+    {"kind": "kill", "agents": ["3"], "at": 0.5},
+    {"kind": "hijack", "agents": ["6"], "at": 0.6},
+]
+ITS_OWN = [{"kind": "hijack", "agents": ["1"], "at": 0.7}]
 BY_ZENOH = {"program": [sys.executable, str(EXAMPLES / "cart_zenoh.py"), "20", "0"]}
 BY_ZENOH |= {"protocol": "zenoh", "keeps": "halves"}
 
@@ -36,10 +43,45 @@ class Straight:
         return np.array([min(max(rate, -25.0), 25.0) for rate in rates])
 
 
+@dataclass
+class LastHeard:
+    """The law of examples/programs/robot_zenoh.py as a controller."""
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Need nothing."""
+
+    def input(self, view: ControllerView) -> Array:
+        """Return the acceleration, each component at most the largest."""
+        from examples.programs.robot import acceleration
+
+        peers = {l: {"x": view.x[l].tolist()} for l in sorted(view.received)}
+        goal = {"position": view.goal.position.tolist()}
+        wish = acceleration({"x": view.x[view.i].tolist(), "goal": goal, "peers": peers})
+        return np.array([min(max(a, -4.0), 4.0) for a in wish])
+
+
+def radio(faults: list[dict[str, Any]], **of_group: Any) -> Scenario:
+    """The robots by radio, of which the first has a group of its own, and a partition."""
+    table = read_table("radio", {"duration": 1.4})
+    first, others = copy.deepcopy(table["agents"][0]), table["agents"][0]
+    names = [str(n + 1) for n in range(others.pop("count"))]
+    del first["count"]
+    for field, values in {"names": names, **{f: others[f] for f in ("start", "goal")}}.items():
+        first[field], others[field] = values[:1], values[1:]
+    first["radio"] |= {"belief": "newest"}
+    table["agents"].insert(0, first | of_group)
+    table["faults"] = [table["faults"][0] | {"at": 0.8, "for": 0.5}, *faults]
+    return phalanx.load(table)
+
+
 def warehouse(**of_group: Any) -> Scenario:
     """The warehouse, in which the last cart has a group of its own and is restarted."""
-    restart = {"kind": "restart", "agents": ["cart-3"], "at": 0.1, "for": 0.05}
-    table = read_table("warehouse", {"duration": 0.3, "faults": [restart]})
+    faults = [
+        {"kind": "restart", "agents": ["cart-3"], "at": 0.1, "for": 0.05},
+        {"kind": "hijack", "agents": ["cart-1"], "at": 0.12},
+        {"kind": "kill", "agents": ["cart-2"], "at": 0.2},
+    ]
+    table = read_table("warehouse", {"duration": 0.3, "faults": faults})
     last = copy.deepcopy(table["agents"][0]) | {"names": ["cart-3"], "slots": [3], **of_group}
     table["agents"][0] |= {"names": ["cart-1", "cart-2"], "slots": [0, 1]}
     table["agents"].insert(1, last)
@@ -63,6 +105,21 @@ def test_a_program_by_zenoh_gives_the_bits_of_the_same_controller_inside() -> No
 def test_a_program_that_is_asked_gives_the_same_run_in_both_engines() -> None:
     first, _ = on_both_engines(warehouse(program=[sys.executable, str(EXAMPLES / "cart.py")]))
     assert first.verdict == "safe"  # it was away for longer than a period
+
+
+@pytest.mark.swarm
+@pytest.mark.nightly
+@pytest.mark.parametrize("more", [[], ITS_OWN], ids=["of others", "its own"])
+def test_a_program_by_zenoh_knows_its_peers_by_radio(more: list[dict[str, Any]]) -> None:
+    controller = {"type": f"{__name__}:LastHeard"}
+    inside = phalanx.run(radio(OF_OTHERS + more, controller=controller), engine="in-process")
+    outside = phalanx.run(radio(OF_OTHERS + more, **ROBOT), engine="processes")
+    assert outside.summary.trajectory == inside.summary.trajectory
+    assert outside.summary.trust == inside.summary.trust
+    assert outside.summary.rejected == {}
+    assert outside.verdict == "safe"
+    assert list(outside.inputs["origin"]) == list(inside.inputs["origin"])
+    assert all(fault.count for fault in outside.summary.faults)
 
 
 @pytest.mark.slow

@@ -110,8 +110,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 1210,
-    "cli": 1430,
+    "agent": 1220,
+    "cli": 1450,
     "explain": 810,
     "faults": 1030,
     "guarantee": 2670,
@@ -120,7 +120,7 @@ BUDGET: Mapping[str, int] = {
     "launcher": 2320,
     "messages": 910,
     "network": 1410,
-    "plant": 5110,
+    "plant": 5140,
     "pytest": 350,
     "recording": 2280,
     "report": 2010,
@@ -128,8 +128,8 @@ BUDGET: Mapping[str, int] = {
     "schema": 840,
     "seeded": 180,
     "studies": 2125,
-    "swarm": 1960,
-    "testing": 930,
+    "swarm": 1990,
+    "testing": 920,
     "theory": 9490,
     "viewer": 5340,
     "wire": 600,

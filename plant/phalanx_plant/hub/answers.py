@@ -1,16 +1,21 @@
 """Agents' inputs and reports, each checked against the sample that it answers."""
 
 from collections import defaultdict
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
+from msgspec.structs import replace
 
 from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import SAYS, Actuation, Sample, Telemetry
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.inbox import DeliveryReport
+from phalanx.swarm.attack import Attack
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
+from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx_plant.world.world import Actuators
 
@@ -21,7 +26,14 @@ _MOST_QUOTED = 500
 class Answers:
     """The newest sample of each agent, and its answers until they are taken; no I/O."""
 
-    def __init__(self, swarm: Swarm, keys: Keys, sealer: Sealer) -> None:
+    def __init__(
+        self,
+        swarm: Swarm,
+        keys: Keys,
+        sealer: Sealer,
+        attacks: Mapping[int, Attack] = MappingProxyType({}),
+    ) -> None:
+        """attacks: of agents that do not attack by themselves, by index: their actuators do."""
         self._names, self._sealer = swarm.names, sealer
         self.senders: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
         """By key expression, the agent that sends there, and the kind of its messages."""
@@ -43,10 +55,16 @@ class Answers:
         """By agent and sequence number, until it is taken."""
         self._reported = dict.fromkeys(range(self._agents), -1)
         """By agent, the number of the last sample that it reported on."""
+        self._attacks = attacks
+        self._attacked: dict[tuple[int, int], tuple[Decision, Array]] = {}
+        """By agent and sample, what is applied in place of the agent's input, and the wish."""
 
     def expect(self, i: int, sample: Sample) -> None:
         """Expect agent i's answer to this sample."""
         self._samples[i] = sample
+        if i in self._attacks and sample.commands and sample.commands.adversary:
+            x = self._states.unpack(sample.x, sample.seen)
+            self._attacked[i, sample.k] = self._attacks[i](x, sample.seen, sample.t)
 
     def expected(self, i: int) -> int:
         """The number of agent i's newest sample; -1 before the first."""
@@ -108,7 +126,8 @@ class Answers:
         if not self._actuators.takes(i, x, u):
             raise Malformed("outside U")
         self._answered[i] = message.k
-        self._inputs[i] = u
+        taken_over = self._attacked.get((i, message.k))
+        self._inputs[i] = taken_over[0].u if taken_over else u
 
     def _is_possible(self, fate: DeliveryReport) -> bool:
         """Return whether the broadcast exists, and its claim is given unless it was lost."""
@@ -133,6 +152,10 @@ class Answers:
             raise Malformed("unknown broadcast")
         self._require_pending(i, message)
         self._reported[i] = message.k
+        if taken_over := self._attacked.pop((i, message.k), None):
+            (decision, wish), report = taken_over, message.report
+            values = {"u_nom": tuple(wish.tolist()), "residual": decision.residual, "margin": None}
+            message = replace(message, report=replace(report, origin=decision.origin, **values))
         self._telemetry[i][message.k] = message
 
 

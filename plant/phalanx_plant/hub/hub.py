@@ -7,7 +7,8 @@ import contextlib
 import logging
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import ClassVar, Self, TypeVar
 
 import msgspec
@@ -16,6 +17,7 @@ from phalanx.messages.keys import kind_and_name
 from phalanx.messages.kinds import Sample, Status, Telemetry
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals
+from phalanx.swarm.attack import Attack
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx_plant.hub.answers import Answers
@@ -148,10 +150,12 @@ class Hub:
         membership: Membership,
         check_stop: Callable[[], None],
         at_router: bool = False,
+        attacks: Mapping[int, Attack] = MappingProxyType({}),
     ) -> None:
         """Listen on the membership's endpoint, or connect to the router that does.
 
-        check_stop is called at every wait and may raise to end the run. Raises HubError.
+        check_stop is called at every wait and may raise to end the run. attacks: as Answers takes
+        them. Raises HubError.
         """
         self.refusals = Refusals(log)
         """Payloads dropped."""
@@ -168,7 +172,7 @@ class Hub:
         self._status = Status()
         """The last status."""
         joining = self._joining = Joining(swarm, self.may_leave)
-        answers = self._answers = Answers(swarm, membership.keys, membership.sealer)
+        answers = self._answers = Answers(swarm, membership.keys, membership.sealer, attacks)
         self._incoming = IncomingQueue(answers.senders, self.refusals, answers.require_pending)
         self.session = PlantSession(swarm, membership, at_router)
         self.session.receive(self._incoming)

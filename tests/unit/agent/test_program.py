@@ -86,15 +86,22 @@ class Robot(GiveWay):
         return np.array(acceleration({"x": states[view.i], "goal": goal, "peers": peers}))
 
 
+FAULTS = [
+    {"kind": "partition", "at": 0.6, "for": 0.6, "groups": [["1", "2"]]},
+    {"kind": "kill", "agents": ["3"], "at": 0.5},
+    {"kind": "hijack", "agents": ["6"], "at": 0.8},
+]
 PROGRAM = {"agents.0.program": [sys.executable, str(EXAMPLES / "cart.py")]}
 
 
-def same_bits(scenario: str, law: Law, program: list[str], **short: object) -> phalanx.Run:
-    """The run of a program behind the filter, which has the bits of the same law inside."""
-    inside = phalanx.run(load(scenario, {**short, "agents.0.law": law}), engine="in-process")
-    own = {**short, "agents.0.program": program, "agents.0.filter": True}
-    outside = phalanx.run(load(scenario, own), engine="in-process")
-    assert outside.summary.trajectory == inside.summary.trajectory
+def same_bits(scenario: str, law: Law, programs: list[list[str]], **changes: object) -> phalanx.Run:
+    """The run of programs behind the filter, which has the bits of the same law inside."""
+    inside = phalanx.run(load(scenario, {**changes, "agents.0.law": law}), engine="in-process")
+    for program in programs:
+        own = {**changes, "agents.0.program": program, "agents.0.filter": True}
+        outside = phalanx.run(load(scenario, own), engine="in-process")
+        assert outside.summary.trajectory == inside.summary.trajectory
+        assert outside.summary.faults == inside.summary.faults
     return outside
 
 
@@ -107,15 +114,16 @@ def in_both_languages(name: str, folder: Path) -> list[list[str]]:
 
 @pytest.mark.slow
 def test_programs_in_two_languages_give_the_bits_of_the_same_law_inside(tmp_path: Path) -> None:
-    for program in in_both_languages("cart", tmp_path):
-        assert same_bits("warehouse", Cart(), program, duration=0.3).verdict == "guaranteed"
+    programs = in_both_languages("cart", tmp_path)
+    assert same_bits("warehouse", Cart(), programs, duration=0.3).verdict == "guaranteed"
 
 
 @pytest.mark.slow
-def test_programs_know_their_peers_by_radio(tmp_path: Path) -> None:
-    robot = Robot(gains=(1.0, 4.0), speed=3.0)
-    for program in in_both_languages("robot", tmp_path):
-        assert same_bits("radio", robot, program, duration=1.0).verdict == "guaranteed"
+def test_programs_know_their_peers_by_radio_in_spite_of_faults(tmp_path: Path) -> None:
+    robot, programs = Robot(gains=(1.0, 4.0), speed=3.0), in_both_languages("robot", tmp_path)
+    run = same_bits("radio", robot, programs, duration=1.4, faults=FAULTS)
+    assert run.verdict == "safe"
+    assert all(fault.count for fault in run.summary.faults)
 
 
 def test_others_count_on_a_program_only_if_it_says_what_it_keeps() -> None:

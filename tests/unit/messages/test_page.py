@@ -13,6 +13,8 @@ from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import VERSION, Message
 from phalanx.messages.membership import Membership
 from phalanx.messages.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
+from phalanx.network.link import Link, LinkModel, Stage
+from phalanx.network.loss import RandomLoss
 
 PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
 SECRET = b"secret"
@@ -92,13 +94,21 @@ MESSAGES: dict[str, type[Message]] = {
 def page() -> dict[str, Any]:
     """The functions that the page shows."""
     scope: dict[str, Any] = {}
-    exec(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1), scope)
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(block, scope)
     return scope
 
 
 def test_the_page_has_every_message_and_no_other():
     assert set(tables()) == {*MESSAGES, *PARTS}
     assert f"now **{VERSION}**" in PAGE
+
+
+def test_the_draws_of_the_page_are_those_of_links(page):
+    link = Link(7, "1", "2", LinkModel((Stage("loss", RandomLoss(0.5)),)))
+    assert [page["draws"](7, "1", "2", k)[0] < 0.5 for k in range(300)] == [
+        link.fate(k).delay is None for k in range(300)
+    ]
 
 
 @pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])

@@ -4,13 +4,15 @@ import pytest
 from msgspec.structs import replace
 from phalanx_plant.hub.answers import Answers
 
+from phalanx.faults.commands import ActiveCommands
 from phalanx.messages.keys import Keys
 from phalanx.messages.kinds import Actuation, Sample
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
+from phalanx.swarm.attack import Attack
 from phalanx.theory.rows.origin import Origin
 from tests.unit.plant.reports import STEP, report
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
 KEYS, SEALER = Keys("run"), Sealer(b"secret")
 
@@ -70,6 +72,29 @@ def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice(answers:
     assert answers.take_telemetry(0, 0) == report(0)
     with pytest.raises(Malformed, match="out of order"):
         answers.on_telemetry(0, report(0))
+
+
+def test_an_agent_that_does_not_attack_by_itself_has_its_actuators_attack():
+    rows = rows_of_scenario("unicycles")
+    attack = Attack(rows, 0)
+    answers = Answers(rows.swarm, KEYS, SEALER, {0: attack})
+    commanded = replace(sample(1), commands=ActiveCommands(adversary=True, hidden=True))
+    for i, first, second in ((0, sample(0), commanded), (1, sample(0), commanded)):
+        answers.expect(i, first)
+        answers.on_actuation(i, replace(GOOD, k=0, t_apply=0.0))
+        assert answers.take_input(i).tolist() == list(GOOD.u)
+        answers.expect(i, second)
+        answers.on_telemetry(i, report(0))  # the report comes later than the next sample
+        assert answers.take_telemetry(i, 0) == report(0)
+        answers.on_actuation(i, GOOD)
+        answers.expect(i, sample(2))
+        answers.on_telemetry(i, report(1))
+    decision, wish = attack(rows.swarm.start(), commanded.seen, commanded.t)
+    assert answers.take_input(0).tolist() == decision.u.tolist() != list(GOOD.u)
+    step = answers.take_telemetry(0, 1).report
+    assert (step.origin, step.u_nom, step.residual) == (Origin.ATTACK, tuple(wish), 0.0)
+    assert answers.take_input(1).tolist() == list(GOOD.u)
+    assert answers.take_telemetry(1, 1) == report(1)
 
 
 SAID = AnnouncedInput(0.0, (1.0, 0.0))
