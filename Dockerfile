@@ -19,7 +19,8 @@ COPY agent agent
 COPY plant plant
 COPY viewer viewer
 COPY scenarios scenarios
-RUN /opt/phalanx/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
+COPY packages/phalanx-hosts packages/phalanx-hosts
+RUN /opt/phalanx/bin/pip install --no-cache-dir --no-deps --no-build-isolation . ./packages/phalanx-hosts
 
 FROM ${BASE}
 COPY --from=build /opt/phalanx /opt/phalanx

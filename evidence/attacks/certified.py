@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import zenoh
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
+from phalanx_hosts.authority import Authority, make_identities, private_pem, write_identity
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.hosts.authority import Authority, make_identities, private_pem, write_identity
 from phalanx.messages.credentials import AUTHORITY, Admission, tls
 from phalanx.messages.frames import CommandMessage
 from phalanx.messages.keys import OPERATOR, PLANT, VIEWER, Keys

@@ -21,6 +21,7 @@ from phalanx.schema.extensions import (
     Registered,
     commands,
     extras_named,
+    missing,
 )
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
@@ -112,8 +113,7 @@ def status(arguments: list[str]) -> int:
         if arguments[:1] != ["--version"] and not _has_command(app, arguments):
             app = extended()
             if arguments[:1] and arguments[0] in PACKAGES and not _has_command(app, arguments):
-                package = PACKAGES[arguments[0]]
-                raise MissingExtensionError(f"needs {package}: pip install ./packages/{package}")
+                raise missing(arguments[0])
         with extras_named():
             code = int(app(with_factor(arguments), standalone_mode=False) or 0)
         if code == STOPPED:

@@ -2,7 +2,7 @@
 
 A package registers commands of `phalanx` in the group `phalanx.commands`, each a function that
 takes the typer app. In `phalanx.extensions` it registers optional functions by the names that the
-core uses: the report, the page, identities. The core imports none of them.
+core uses: the report, the page. The core imports none of them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -24,21 +24,20 @@ EXTRAS: Mapping[str, str] = {
     "viser": "view",
     "websockets": "view",
     "polars": "lab",
-    "foxglove_schemas_protobuf": "foxglove",
-    "google": "foxglove",
-    "mcap_protobuf": "foxglove",
-    "cryptography": "hosts",
 }
 """The extra of Phalanx that brings a library, by the library's module."""
 PACKAGES: Mapping[str, str] = {
     "attack": "phalanx-attacks",
     "certify": "phalanx-certify",
     "fit": "phalanx-worlds",
+    "keys": "phalanx-hosts",
+    "mcap": "phalanx-mcap",
     "replay": "phalanx-attacks",
     "ros2": "phalanx-ros2",
+    "router": "phalanx-hosts",
     "shrink": "phalanx-attacks",
 }
-"""The package of this repository that brings a command, by the command."""
+"""The package of this repository that brings a command or an extension, by its name."""
 
 
 class MissingExtensionError(ImportError):
@@ -65,7 +64,14 @@ def extension(name: str) -> Any:
     for entry in entry_points(group=EXTENSIONS, name=name):
         with extras_named():
             return entry.load()
-    raise MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
+    raise missing(name)
+
+
+def missing(name: str) -> MissingExtensionError:
+    """Return the error that says what to install for a command or an extension."""
+    if package := PACKAGES.get(name):
+        return MissingExtensionError(f"needs {package}: pip install ./packages/{package}")
+    return MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
 
 
 class Registered(NamedTuple):

@@ -48,7 +48,7 @@ _OUTCOMES = {None: TIMEOUT, 0: SURVIVED}
 _LIBRARIES = "casadi cmaes hypothesis mcap msgspec osqp pydantic scipy.sparse typer zenoh"
 _PATHS = (
     "", "agent", "plant", "viewer",
-    *(f"packages/phalanx-{name}" for name in ("attacks", "certify", "worlds")),
+    *(f"packages/phalanx-{name}" for name in ("attacks", "certify", "hosts", "worlds")),
 )  # fmt: skip
 _LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
 """Bytes that a mutant's process may use, and write into a file."""

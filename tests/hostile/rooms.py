@@ -55,8 +55,8 @@ ROOMS = {
         " tests/unit/guarantee/test_disturbance_ledger.py",
     ),
     "identities": Room(
-        ("phalanx/messages/*.py", "phalanx/hosts/authority.py"),
-        "tests/unit/identities tests/unit/messages tests/unit/hosts"
+        ("phalanx/messages/*.py", "packages/phalanx-hosts/*/authority.py"),
+        "tests/unit/identities tests/unit/messages packages/phalanx-hosts/tests"
         " tests/unit/hostile/test_messages.py tests/unit/network/test_rules.py",
     ),
     "cli-status": Room(

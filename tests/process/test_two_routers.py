@@ -11,10 +11,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from phalanx_hosts.authority import make_identities
 
 import phalanx
 from phalanx.guarantee.verdict import Summary
-from phalanx.hosts.authority import make_identities
 from phalanx.messages.keys import PLANT, ROUTER
 from tests.network import testbed
 from tests.network.testbed import HERE, THERE, Wire, opened, unavailable

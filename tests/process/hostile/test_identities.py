@@ -15,11 +15,11 @@ from queue import SimpleQueue
 import msgspec
 import pytest
 import zenoh
+from phalanx_hosts.authority import make_identities
 
 import phalanx
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.hosts.authority import make_identities
 from phalanx.messages.credentials import PRIVATE_KEY
 from phalanx.messages.frames import CommandMessage
 from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys

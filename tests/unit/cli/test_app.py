@@ -55,9 +55,9 @@ def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names
     ours = list(get_command(core()).commands)
     assert [name for name in TOP if name in ours] == ours
     assert [name for name in TOP if name not in ours] == [
-        "explain", "keys", "router", "report", "animate",
+        "explain", "report", "animate",
         "study", "view", "export", "viewer",
-        "attack", "certify", "ros2", "shrink", "replay", "fit",
+        "attack", "certify", "keys", "router", "ros2", "shrink", "replay", "fit",
     ]  # fmt: skip
 
 

@@ -11,7 +11,6 @@ from phalanx.files import real_folder, whole_file
 ROOT = Path(__file__).parents[3]
 WRITING = {"write_text", "write_bytes", "write_csv", "write_parquet", "savefig", "save", "saving"}
 IN_NEW_FOLDERS = {
-    "phalanx/hosts/commands.py",
     "phalanx/launcher/run.py",
     "phalanx/recording/modules.py",
     "phalanx/theory/expressions/native.py",

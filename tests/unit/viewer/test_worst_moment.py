@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from phalanx_viewer.export.mcap import Content
+from phalanx_mcap.content import Content
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content
 from phalanx_viewer.scene.picture import Picture

@@ -12,8 +12,8 @@ from phalanx.files import whole_file
 from phalanx.recording.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
+from phalanx.schema.extensions import extension
 from phalanx.swarm.swarm import Swarm
-from phalanx_viewer.export.content import Content
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content, script
 from phalanx_viewer.scene.picture import Picture
@@ -55,10 +55,7 @@ def run(
                     part.write_text(_document(replay, progress), encoding="utf-8")
             case "mcap":
                 progress("messages")
-                # Imported here: not every user needs its libraries.
-                from phalanx_viewer.export.mcap import write_mcap
-
-                write_mcap(Content(recorded, model), path)
+                extension("mcap")(recorded, model, path)
             case _:
                 written += _write_tables(recorded, model.swarm, path, kind)
                 continue

@@ -4,7 +4,6 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import polars as pl
 import pytest
 from mcap.reader import make_reader
@@ -143,14 +142,3 @@ def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_pa
     assert levels["agent 1 thawed"] == "INFO"
     assert levels["1-2 left the safe set"] == "ERROR"
     assert {level for text, level in levels.items() if text.startswith("failed: ")} == {"WARNING"}
-
-
-@pytest.mark.parametrize(
-    ("kind", "read"), [("parquet", pl.read_parquet), ("csv", pl.read_csv)], ids=["parquet", "csv"]
-)
-def test_tables_are_read_back_as_they_were(finished, tmp_path, kind, read):
-    written = run(finished.recording, **{kind: tmp_path / "tables"})
-    names = {"states", "h", "inputs", "links", "events", "metrics"}
-    assert {path.stem for path in written} == names
-    states = read(tmp_path / "tables" / f"states.{kind}")
-    assert np.array_equal(states.to_numpy(), finished.states.to_numpy())

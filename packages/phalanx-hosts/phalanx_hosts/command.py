@@ -73,10 +73,10 @@ def keys(
       phalanx plant --keys keys/plant --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
       phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
     """
-    from phalanx.hosts.authority import make_identities
     from phalanx.messages.credentials import ENDPOINT
     from phalanx.messages.keys import OPERATOR, PLANT, ROUTER, VIEWER
     from phalanx.scenario.load import load
+    from phalanx_hosts.authority import make_identities
 
     programs = load(scenario, overrides or (), trust=trust).programs()
     names = [PLANT, ROUTER, VIEWER, OPERATOR, *programs]

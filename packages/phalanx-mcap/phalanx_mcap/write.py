@@ -51,16 +51,17 @@ from google.protobuf.message_factory import GetMessageClass
 from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
-
-from phalanx.files import whole_file
-from phalanx.recording.curves.beliefs import Beliefs
-from phalanx.scenario.model import to_json
-from phalanx.theory.arrays import Array
-from phalanx_viewer.export.content import Content, Numbers
 from phalanx_viewer.scene.colours import DANGER
 from phalanx_viewer.scene.ghosts import belief_shapes
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
+
+from phalanx.files import whole_file
+from phalanx.recording.curves.beliefs import Beliefs
+from phalanx.recording.read import Recording
+from phalanx.scenario.model import to_json
+from phalanx.theory.arrays import Array
+from phalanx_mcap.content import Content, Numbers
 
 WORLD = "world"
 """The fixed frame; every agent has one of its own, by its name."""
@@ -78,8 +79,9 @@ class TimedMessage(NamedTuple):
     """By field."""
 
 
-def write_mcap(content: Content, path: Path) -> None:
+def write_mcap(recording: Recording, model: SceneModel, path: Path) -> None:
     """Write the whole recording. Raises OSError."""
+    content = Content(recording, model)
     with whole_file(path) as part, part.open("wb") as file:
         channels = _Channels(Writer(file))
         sources = [_moving(content), *map(_messages, content.numbers()), _log(content)]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from phalanx_viewer.scene.model import SceneModel
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.messages.step_report import QUANTITIES
@@ -15,7 +16,6 @@ from phalanx.recording.records import Level, Log
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import units
-from phalanx_viewer.scene.model import SceneModel
 
 _AT_ONCE = 64
 """States whose pairs are evaluated together."""

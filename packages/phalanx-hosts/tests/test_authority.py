@@ -6,8 +6,8 @@ import stat
 from pathlib import Path
 
 from cryptography import x509
+from phalanx_hosts.authority import make_identities
 
-from phalanx.hosts.authority import make_identities
 from phalanx.messages.credentials import AUTHORITY, CERTIFICATE
 from phalanx.messages.keys import PLANT, ROUTER
 

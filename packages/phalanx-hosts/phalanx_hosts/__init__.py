@@ -1,0 +1,1 @@
+"""Many hosts for one run: TLS identities of its programs, and routers."""

@@ -1,1 +1,0 @@
-"""Running over many hosts: TLS identities, requests of free places, and routers."""
