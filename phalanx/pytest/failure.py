@@ -4,53 +4,50 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from phalanx.files import whole_file
 from phalanx.launcher.engine import silent
 from phalanx.launcher.run import Run
+from phalanx.launcher.verify import commands_of
 from phalanx.pytest.regressions import keep
 from phalanx.scenario.load import read_table, scenario_text
 from phalanx.schema.extensions import MissingExtensionError, extension
-from phalanx.testing.claims import Claim
 from phalanx.testing.conditions import table_of_scenario
 
-_FILE = "scenario.toml"
 
-
-def failure_lines(config: pytest.Config, test: str, run: Run, claim: Claim | None) -> Iterator[str]:
+def failure_lines(config: pytest.Config, test: str, run: Run, failed_claim: bool) -> Iterator[str]:
     """Yield a line for each thing to know, and keep the run as the options say.
 
     test: its node id, the name of a folder of artifacts.
     """
-    scenario, summary = run.scenario, run.summary
+    scenario, summary, options = run.scenario, run.summary, config.option
     if summary is not None:
         yield f"verdict: {summary.outcome}: {summary.reason}"
         yield f"worst h: {summary.worst_in_words}"
-    folder = _kept_folder(config, test, run)
+    folder = run.folder
+    if options.phalanx_artifacts is not None:
+        copy = options.phalanx_artifacts / re.sub(r"[^\w.-]+", "-", test) / folder.name
+        folder = Path(shutil.copytree(folder, copy, dirs_exist_ok=True))
     table = {**table_of_scenario(scenario), "seed": scenario.seed}
-    if config.option.phalanx_shrink:
+    if options.phalanx_shrink:
         table, words = _shrunk(run, table)
         yield f"shrunk: {words}"
-    with whole_file(folder / _FILE) as part:
-        part.write_text(scenario_text(table), encoding="utf-8")
-    yield f"replay: phalanx run {folder / _FILE}"
-    if scenario.reading:
-        yield f"or: {scenario.reading.command(scenario.seed)}"
+    if commands_of(run.recording).schedule:
+        yield "replay: the test itself, which gave commands on the way"
+    else:
+        with whole_file(folder / "scenario.toml") as part:
+            part.write_text(scenario_text(table), encoding="utf-8")
+        yield f"replay: phalanx run {folder / 'scenario.toml'}"
+        if scenario.reading:
+            yield f"or: {scenario.reading.command(scenario.seed)}"
     yield f"the same bits again: phalanx verify {folder}"
-    yield f"report: {_report(folder, config.option.phalanx_artifacts is not None)}"
-    if claim and (folders := config.getini("phalanx_scenarios")):
-        yield f"regression: {keep(folders[0], table, claim)}"
-
-
-def _kept_folder(config: pytest.Config, test: str, run: Run) -> Path:
-    """Return the run's folder, or that of its copy among the artifacts."""
-    artifacts: Path | None = config.option.phalanx_artifacts
-    if artifacts is None:
-        return run.folder
-    copy = artifacts / re.sub(r"[^\w.-]+", "-", test) / run.folder.name
-    return Path(shutil.copytree(run.folder, copy, dirs_exist_ok=True))
+    yield f"report: {_report(folder, options.phalanx_artifacts is not None)}"
+    folders = config.getini("phalanx_scenarios")
+    if failed_claim and folders and options.phalanx_scenario is None:
+        yield f"regression: {keep(folders[0], table, test)}"
 
 
 def _report(folder: Path, written: bool) -> str:
@@ -61,7 +58,7 @@ def _report(folder: Path, written: bool) -> str:
         return str(error)
 
 
-def _shrunk(run: Run, table: dict[str, object]) -> tuple[dict[str, object], str]:
+def _shrunk(run: Run, table: dict[str, Any]) -> tuple[dict[str, Any], str]:
     """Return the smallest scenario that is violated as a run's, and how small it is, in words."""
     if run.summary is None or not run.summary.violations:
         return table, "no: only a violated run can be"

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pytest
 
 if TYPE_CHECKING:
-    from phalanx.launcher.run import Run
     from phalanx.testing import CheckedRun, LiveRun, RateStudy
 
 MARK = (
@@ -21,8 +20,12 @@ MARK = (
     "combination of values of the fields of a scenario, by path"
 )
 _FIXTURES = {"phalanx_run", "phalanx_live"}
-_RUNS = pytest.StashKey[list["Run"]]()
-"""The finished runs of a test."""
+_RUNS = pytest.StashKey[list["CheckedRun | LiveRun"]]()
+"""The runs of a test."""
+_PROPERTIES = {
+    "seed": "seed", "verdict": "outcome", "worst_h": "worst_h", "trajectory": "trajectory"
+}  # fmt: skip
+"""Properties in junit's file, with the fields of a summary."""
 
 
 class Case(NamedTuple):
@@ -60,6 +63,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="DIR",
         type=Path,
         help="copy runs of failed tests there, with their reports",
+    )
+    group.addoption(
+        "--phalanx-scenario", metavar="FILE", type=Path, help="run it in place of tests' scenarios"
     )
     parser.addini(
         "phalanx_scenarios", "folder of regressions: failures are kept and repeated", type="paths"
@@ -102,14 +108,14 @@ def phalanx_run(
 ) -> Callable[..., "CheckedRun"]:
     """Return a function that runs a scenario under faults: `phalanx.testing.run`."""
 
-    def run(scenario: Any, **conditions: Any) -> "CheckedRun":
+    def run(scenario: Any, *, engine: str | None = None, **conditions: Any) -> "CheckedRun":
         from phalanx.testing import run
 
-        if (engine := request.config.option.phalanx_engine) is not None:
-            conditions.setdefault("engine", engine)
-        out = tmp_path / "phalanx"
-        finished = run(scenario, **{"out": out, **phalanx_case.conditions(conditions)})
-        _note(request.node, finished)
+        chosen = engine or request.config.option.phalanx_engine
+        engines = {"engine": chosen} if chosen else {}
+        source, under = _conditions(request, phalanx_case, tmp_path, scenario, conditions)
+        finished = run(source, **under, **engines)
+        request.node.stash.setdefault(_RUNS, []).append(finished)
         return finished
 
     return run
@@ -125,12 +131,22 @@ def phalanx_live(
         def start(scenario: Any, **conditions: Any) -> "LiveRun":
             from phalanx.testing import start
 
-            out = tmp_path / "phalanx"
-            live = start(scenario, **{"out": out, **phalanx_case.conditions(conditions)})
+            source, under = _conditions(request, phalanx_case, tmp_path, scenario, conditions)
+            live = start(source, **under)
             begun.push(live)
+            request.node.stash.setdefault(_RUNS, []).append(live)
             return live
 
         yield start
+
+
+def _conditions(
+    request: pytest.FixtureRequest, case: Case, folder: Path, scenario: Any, given: dict[str, Any]
+) -> tuple[Any, dict[str, Any]]:
+    """Return a run's scenario and conditions: the test's, or those of a regression's file."""
+    out = {"out": given.get("out", folder / "phalanx")}
+    file: Path | None = request.config.option.phalanx_scenario
+    return (scenario, {**case.conditions(given), **out}) if file is None else (file, out)
 
 
 @pytest.fixture
@@ -141,38 +157,29 @@ def phalanx_study() -> Callable[..., "RateStudy"]:
     return RateStudy
 
 
-def _note(node: pytest.Item, run: "Run") -> None:
-    """Keep a test's run, and write its figures into junit's properties."""
-    node.stash.setdefault(_RUNS, []).append(run)
-    if run.summary is not None:
-        node.user_properties += [
-            ("phalanx_seed", run.summary.seed),
-            ("phalanx_verdict", str(run.summary.outcome)),
-            ("phalanx_worst_h", run.summary.worst_h),
-            ("phalanx_trajectory", run.summary.trajectory),
-        ]
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Say of a failed test which run failed, and how to repeat it."""
+    """Write a test's runs into junit's properties; say how to repeat the one that failed."""
+    begun = item.stash.get(_RUNS, []) if call.when == "call" else []
+    runs = [run.end() if hasattr(run, "end") else run for run in begun]
+    item.user_properties += [
+        (f"phalanx_{name}", str(getattr(run.summary, field)))
+        for run in runs
+        for name, field in _PROPERTIES.items()
+        if run.summary is not None
+    ]
     report = yield
-    if report.when != "call" or not report.failed or not isinstance(item, pytest.Function):
-        return report
     error = call.excinfo and call.excinfo.value
-    runs = item.stash.get(_RUNS, [])[-1:]
-    if not runs and not hasattr(error, "claim"):
-        return report
-    from phalanx.pytest.failure import failure_lines
-    from phalanx.testing import ClaimError
+    failed = getattr(error, "run", runs[-1] if runs else None)
+    if report.when == "call" and report.failed and failed and isinstance(item, pytest.Function):
+        from phalanx.pytest.failure import failure_lines
 
-    claim = error.claim if isinstance(error, ClaimError) else None
-    for run in [claim.run] if claim else runs:
-        lines = list[str]()
+        lines, failed_claim = list[str](), isinstance(error, AssertionError)
         try:
-            lines += failure_lines(item.config, item.nodeid, run, claim)
+            for line in failure_lines(item.config, item.nodeid, failed, failed_claim):
+                lines.append(line)
         except Exception as unexpected:  # no failure of a test may end the whole session
             lines.append(f"no more is known of the run: {unexpected!r}")
         report.sections.append(("phalanx", "\n".join(lines)))

@@ -1,7 +1,7 @@
-"""Regressions: scenarios of failed tests as files, each a test of the claim that failed."""
+"""Regressions: scenarios of failed tests as files, with which the same tests are run again."""
 
-import inspect
-import json
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -11,39 +11,19 @@ import pytest
 
 from phalanx.files import whole_file
 from phalanx.scenario.load import scenario_text
-from phalanx.scenario.model import ScenarioError
-from phalanx.testing import CheckedRun, run
-from phalanx.testing.claims import Claim, ClaimError
+from phalanx.testing import run
 
-_CLAIM = "# claim: "
+_TEST = "# test: "
 
 
-def keep(folder: Path, table: Mapping[str, Any], claim: Claim) -> str:
-    """Write a scenario as a regression; return its path, or why there is none."""
-    try:
-        arguments = json.dumps(dict(claim.arguments))
-    except TypeError:
-        return f"not kept: a file cannot hold the arguments of {claim.method}"
-    text = f"{_CLAIM}{claim.method} {arguments}\n\n{scenario_text(table)}"
-    name = f"{table['name']}-{sha256(text.encode()).hexdigest()[:8]}.toml"
+def keep(folder: Path, table: Mapping[str, Any], test: str) -> Path:
+    """Write the scenario in which a test failed, by its node id; return the file."""
+    text = f"{_TEST}{test}\n\n{scenario_text(table)}"
+    file = folder / f"{table['name']}-{sha256(text.encode()).hexdigest()[:8]}.toml"
     folder.mkdir(parents=True, exist_ok=True)
-    with whole_file(folder / name) as part:
+    with whole_file(file) as part:
         part.write_text(text, encoding="utf-8")
-    return str(folder / name)
-
-
-def claim_of(file: Path) -> tuple[str, dict[str, Any]]:
-    """Return the method and arguments of a regression's claim; without one, that it is safe.
-
-    Raises ValueError: there is no such claim.
-    """
-    first, *_ = file.read_text(encoding="utf-8").splitlines() or [""]
-    if not first.startswith(_CLAIM):
-        return "assert_safe", {}
-    method, _, arguments = first.removeprefix(_CLAIM).partition(" ")
-    if not (method.startswith("assert_") and inspect.isfunction(vars(CheckedRun).get(method))):
-        raise ValueError(f"{file}: expected a claim of CheckedRun, got {method}")
-    return method, json.loads(arguments or "{}")
+    return file
 
 
 class RegressionFile(pytest.File):
@@ -55,19 +35,26 @@ class RegressionFile(pytest.File):
 
 
 class Regression(pytest.Item):
-    """A scenario, and the claim that it must keep."""
+    """A scenario, and the test that failed in it; without one, the claim that it is safe."""
 
     def runtest(self) -> None:
-        """Run the scenario. Raises ClaimError."""
-        method, arguments = claim_of(self.path)
-        finished = run(self.path, engine=self.config.option.phalanx_engine or "in-process")
-        getattr(finished, method)(**arguments)
+        """Run the test in a process of its own. Raises AssertionError, with what pytest says."""
+        first, *_ = self.path.read_text(encoding="utf-8").splitlines() or [""]
+        if not first.startswith(_TEST):
+            run(self.path, engine=self.config.option.phalanx_engine or "in-process").assert_safe()
+            return
+        test = [first.removeprefix(_TEST), "--phalanx-scenario", str(self.path)]
+        again = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *test],
+            capture_output=True,
+            text=True,
+            cwd=self.config.rootpath,
+        )
+        assert again.returncode == 0, again.stdout + again.stderr
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
-        """Return the claim that failed, and how to repeat the run."""
-        expected = isinstance(excinfo.value, ClaimError | ScenarioError)
-        why = str(excinfo.value) if expected else str(super().repr_failure(excinfo, style))
-        return f"{why}\nreplay: phalanx run {self.path}"
+        """Return why it failed, and how to repeat the run."""
+        return f"{excinfo.value}\nreplay: phalanx run {self.path}"
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return file, line and name."""

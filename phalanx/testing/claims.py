@@ -1,9 +1,9 @@
 """Claims: what a test asserts of a run, with the words for a run that does not keep it."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import wraps
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.run import Run
@@ -12,24 +12,12 @@ P = ParamSpec("P")
 R = TypeVar("R", bound=Run)
 
 
-class Claim(NamedTuple):
-    """An assertion of a run, and its arguments."""
-
-    run: Run
-    method: str
-    arguments: Mapping[str, Any]
-
-    def __str__(self) -> str:
-        values = (f"{n}={getattr(v, '__name__', repr(v))}" for n, v in self.arguments.items())
-        return f"{self.method}({', '.join(values)})"
-
-
 class ClaimError(AssertionError):
-    """A run does not keep what a test claims of it; `claim` is the assertion."""
+    """A run does not keep what a test claims of it."""
 
-    def __init__(self, claim: Claim, words: str) -> None:
+    def __init__(self, run: Run, claim: str, words: str) -> None:
         super().__init__(f"{claim}: {words}")
-        self.claim = claim
+        self.run = run
 
 
 def claim(method: Callable[Concatenate[R, P], str | None]) -> Callable[Concatenate[R, P], None]:
@@ -48,8 +36,10 @@ def claim(method: Callable[Concatenate[R, P], str | None]) -> Callable[Concatena
         else:
             words = method(run, *positional, **named)
         if words:
-            bound = inspect.signature(method).bind(run, *positional, **named).arguments
-            arguments = {name: value for name, value in bound.items() if value is not run}
-            raise ClaimError(Claim(run, method.__name__, arguments), words)
+            _, *arguments = (
+                inspect.signature(method).bind(run, *positional, **named).arguments.items()
+            )
+            values = (f"{name}={getattr(v, '__name__', repr(v))}" for name, v in arguments)
+            raise ClaimError(run, f"{method.__name__}({', '.join(values)})", words)
 
     return asserted  # type: ignore[return-value]  # `run` may be a keyword

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from phalanx.scenario.load import scenario_text
 from tests.unit.testing.crossing import CROSSING, UNFILTERED
 
 pytest_plugins = ["pytester"]
@@ -74,8 +75,65 @@ def test_a_failure_is_kept_as_a_regression_where_a_folder_is_named(pytester):
     again = pytester.runpytest_inprocess(*options("kept"))
     again.assert_outcomes(failed=1)
     again.stdout.fnmatch_lines(["*assert_safe()*", "replay: phalanx run *kept*"])
+    assert len(list(pytester.path.glob("kept/*"))) == 1  # it is not kept again
+    pytester.makepyfile(test_swarm=PROJECT + FAILING.replace("assert_safe()", "summary"))
+    pytester.runpytest_inprocess(*options("kept")).assert_outcomes(passed=1)
+    pytester.makepyfile(test_swarm="")
+    gone = pytester.runpytest_inprocess(*options("kept"))
+    gone.assert_outcomes(failed=1)
+    gone.stdout.fnmatch_lines(["*not found: *test_swarm.py::test_crossing*"])
     pytester.makeini("[pytest]\n")
     pytester.runpytest_inprocess(*options("kept")).assert_outcomes()
+
+
+@pytest.mark.slow
+def test_a_failed_predicate_is_kept_with_its_test_and_a_scenario_alone_has_to_be_safe(pytester):
+    test = """
+def test_crossing(phalanx_run):
+    run = phalanx_run(CROSSING, overrides={"duration": DURATION})
+    run.assert_never(lambda now: now.t > 0.3)
+"""
+    pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
+    run(pytester, "DURATION = 0.5" + test).assert_outcomes(failed=1)
+    (pytester.path / "kept" / "safe.toml").write_text(scenario_text(CROSSING))
+    # The test's own scenario is safe now, that of the regression is not.
+    result = run(pytester, "DURATION = 0.2" + test, ".")
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*assert_never(predicate=<lambda>): true at t = 0.3*"])
+
+
+LIVE = """
+def test_live(phalanx_live):
+    live = phalanx_live(CROSSING)
+    live.until(0.2)
+    {}
+    assert live.t > 1.0
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_live_run_is_in_the_properties_and_in_the_failure(pytester, finished):
+    pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
+    test = LIVE.format("live.finish()" if finished else "").replace("1.0", "1e9")
+    result = run(pytester, test, "--junitxml=junit.xml")
+    result.assert_outcomes(failed=1)
+    verdict = "guaranteed" if finished else "stopped"
+    result.stdout.fnmatch_lines([f"verdict: {verdict}: *", "replay: phalanx run *"])
+    cases = ElementTree.parse(pytester.path / "junit.xml").getroot().iter("testcase")
+    properties = {p.get("name"): p.get("value") for p in next(cases).iter("property")}
+    assert properties["phalanx_verdict"] == verdict
+    assert len(properties["phalanx_trajectory"]) == 64
+    assert len(list(pytester.path.glob("kept/*"))) == 1
+
+
+@pytest.mark.slow
+def test_a_live_run_with_commands_is_not_said_to_be_that_of_its_scenario(pytester):
+    pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
+    result = run(pytester, LIVE.format("live.command('kill', 'a'); live.until(0.4)"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["replay: the test itself, *", "*phalanx verify *"])
+    result.stdout.no_fnmatch_line("replay: phalanx run*")
 
 
 @pytest.mark.slow

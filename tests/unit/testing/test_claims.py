@@ -76,7 +76,7 @@ def test_a_claim_that_holds_passes(name, claim, arguments):
 def test_a_claim_that_does_not_hold_says_why(name, claim, arguments, words):
     with pytest.raises(ClaimError, match=words) as caught:
         getattr(of(name), f"assert_{claim}")(**arguments)
-    assert caught.value.claim.run is of(name)
+    assert caught.value.run is of(name)
     assert str(caught.value).startswith(f"assert_{claim}(")
 
 
