@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from phalanx.theory.expressions.native import COMPILER, FOLDER
+from phalanx.native.library import COMPILER, FOLDER
 
 RUN = """
 import json, sys, time

@@ -25,7 +25,7 @@ import numpy as np
 
 import phalanx
 from phalanx.launcher.engine import ENGINES
-from phalanx.theory.expressions.native import COMPILER, FOLDER
+from phalanx.native.library import COMPILER, FOLDER
 
 _NUMPY = np._core._multiarray_umath  # type: ignore[attr-defined]
 _DISPATCHED = [f for f in _NUMPY.__cpu_dispatch__ if _NUMPY.__cpu_features__.get(f)]

@@ -27,6 +27,7 @@ from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.messages.kinds import Sample, Status, StepFailedError, Telemetry
 from phalanx.messages.seal import Malformed
+from phalanx.native.library import build, missing, require_compiler
 from phalanx.recording.read import Recording
 from phalanx.recording.records import RECORDING, SUMMARY, State, Step
 from phalanx.recording.write import RecordingWriter, write_summary
@@ -36,7 +37,6 @@ from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.arrays import Array
-from phalanx.theory.expressions.native import build, missing, require_compiler
 
 _OPTIONS = RunOptions("in-process")
 _PATIENCE = 20.0

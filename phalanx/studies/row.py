@@ -30,6 +30,7 @@ from phalanx.theory.rows.origin import Origin
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""
+_LANGUAGES = {".py", ".c"}
 
 
 class Identity(NamedTuple):
@@ -65,7 +66,7 @@ def versions() -> str:
     sources: dict[str, str] = {}
     for package in (phalanx, phalanx_agent, phalanx_plant):
         folder = Path(package.__path__[0])
-        for file in sorted(folder.rglob("*.py")):
+        for file in sorted(f for f in folder.rglob("*") if f.suffix in _LANGUAGES):
             name = f"{package.__name__}/{file.relative_to(folder).as_posix()}"
             sources[name] = hashlib.sha256(file.read_bytes()).hexdigest()
     return _digest([{name: version(name) for name in _LIBRARIES}, sources])

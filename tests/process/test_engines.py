@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.theory.expressions.native import COMPILER, FOLDER
+from phalanx.native.library import COMPILER, FOLDER
 
 pytestmark = pytest.mark.swarm
 

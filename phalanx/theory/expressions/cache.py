@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, TypeVar
 
-from phalanx.theory.expressions.native import generation
+from phalanx.native.library import generation
 from phalanx.theory.expressions.user_methods import is_built_in
 
 T = TypeVar("T")

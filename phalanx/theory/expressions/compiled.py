@@ -10,8 +10,8 @@ from functools import cache, partial
 import casadi as ca
 import numpy as np
 
+from phalanx.native.library import address, native
 from phalanx.theory.arrays import Array, Index
-from phalanx.theory.expressions.native import address, native
 from phalanx.theory.expressions.portable import portable_function
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from phalanx.native.library import address, native_source, sample_states
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.native import address, native_source, sample_states
 from phalanx.theory.models.polytope import EmptyPolytopeError, Polytope, basic_solutions
 from phalanx.theory.rows.row import Rows
 

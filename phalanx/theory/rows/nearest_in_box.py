@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from phalanx.native.library import address, native_source, sample_states
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added
-from phalanx.theory.expressions.native import address, native_source, sample_states
 from phalanx.theory.models.polytope import Box
 from phalanx.theory.rows.row import Row
 

@@ -31,9 +31,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phalanx.native.library import address, native_source, sample_states
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, inner, length
-from phalanx.theory.expressions.native import address, native_source, sample_states
 
 PRIMAL = 1e-9
 """Allowed excess of a row over its bound, relative to 1 + |bound|."""

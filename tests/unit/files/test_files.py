@@ -13,7 +13,7 @@ WRITING = {"write_text", "write_bytes", "write_csv", "write_parquet", "savefig",
 IN_NEW_FOLDERS = {
     "phalanx/launcher/run.py",
     "phalanx/recording/modules.py",
-    "phalanx/theory/expressions/native.py",
+    "phalanx/native/library.py",
 }
 """They write into folders that they or the launcher have just made."""
 

@@ -5,8 +5,9 @@ import resource
 import polars as pl
 import pytest
 
+import phalanx
 from phalanx.studies.plan import plan_from
-from phalanx.studies.row import Identity, Row
+from phalanx.studies.row import Identity, Row, versions
 from phalanx.studies.store import ROWS, Store, StudyError
 
 PLAN = plan_from({"scenario": "unicycles"})
@@ -151,3 +152,14 @@ def test_rows_without_such_columns_are_read_and_get_them(tmp_path):
     odd.write_parquet(tmp_path / ROWS)
     with pytest.raises(StudyError, match="another version of Phalanx"):
         Store(tmp_path).frame()
+
+
+@pytest.mark.parametrize("name", ["piece.c", "room/piece.py"])
+def test_rows_of_other_sources_are_other_rows(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(phalanx, "__path__", [str(tmp_path)])
+    (file := tmp_path / name).parent.mkdir(exist_ok=True)
+    digests = set()
+    for text in ("a", "b", "a"):
+        file.write_text(text)
+        digests.add(versions.__wrapped__())
+    assert len(digests) == 2

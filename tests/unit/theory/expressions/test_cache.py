@@ -6,9 +6,9 @@ import pytest
 
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.native.library import missing
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.cache import FunctionCache, cached
-from phalanx.theory.expressions.native import missing
 
 
 def test_an_equal_key_has_the_same_result_and_another_its_own():

@@ -12,9 +12,9 @@ import pytest
 import phalanx
 from phalanx.cli.app import FAILED, status
 from phalanx.launcher.simulation import compile_scenario
-from phalanx.theory.expressions import native as module
+from phalanx.native import library as module
+from phalanx.native.library import COMPILER, FOLDER, build, missing, native
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
-from phalanx.theory.expressions.native import COMPILER, FOLDER, build, missing, native
 from phalanx.theory.models.polytope import polytope
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows
