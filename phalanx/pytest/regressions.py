@@ -50,7 +50,8 @@ class Regression(pytest.Item):
             text=True,
             cwd=self.config.rootpath,
         )
-        assert again.returncode == 0, again.stdout + again.stderr
+        if again.returncode:
+            raise AssertionError(again.stdout + again.stderr)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """Return why it failed, and how to repeat the run."""

@@ -1,5 +1,6 @@
 """The plugin in projects of others: fixtures, the mark, failures, regressions, properties."""
 
+import ast
 import subprocess
 import sys
 from importlib.metadata import entry_points
@@ -174,14 +175,27 @@ def test_the_example_of_the_page_passes(pytester):
     pytester.runpytest_inprocess(*options("-k", "seed:0")).assert_outcomes(passed=1, deselected=1)
 
 
-def test_a_session_without_a_swarm_imports_nothing_heavy(tmp_path):
+def sources(folder: Path, *others: str) -> dict[str, int]:
+    """Return the bytes of each module of a session that collects nothing."""
     code = (
-        "import sys, pytest; pytest.main(sys.argv[1:]);"
-        "print(sorted(m for m in sys.modules if m.startswith('phalanx')), 'numpy' in sys.modules)"
+        "import sys, pytest, os; pytest.main(sys.argv[1:]); files = ((n, getattr(m, '__file__', 0))"
+        " for n, m in list(sys.modules.items())); print({n: os.path.getsize(f) for n, f in files"
+        " if str(f).endswith('.py')})"
     )
-    command = [sys.executable, "-c", code, "--collect-only", "-q", *options(str(tmp_path))]
-    text = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
-    assert "['phalanx', 'phalanx.pytest', 'phalanx.pytest.plugin'] False" in text
+    command = [sys.executable, "-c", code, "--collect-only", "-q", "-p", "no:timeout", *others]
+    result = subprocess.run([*command, folder], capture_output=True, text=True, cwd=folder)
+    sizes: dict[str, int] = ast.literal_eval(result.stdout.splitlines()[-1])
+    return sizes
+
+
+@pytest.mark.slow
+def test_a_session_without_a_swarm_imports_less_than_a_hundredth_more(tmp_path):
+    without = sources(tmp_path, "-p", "no:phalanx")
+    loaded = sources(tmp_path, "-p", "phalanx.pytest.plugin")
+    more = {name: size for name, size in loaded.items() if name not in without}
+    assert set(more) == {"phalanx", "phalanx.pytest", "phalanx.pytest.plugin"}
+    print(f"{len(more)} of {len(loaded)} modules, {sum(more.values())} of {sum(loaded.values())} B")
+    assert sum(more.values()) < 0.01 * sum(without.values())
 
 
 @pytest.mark.slow
