@@ -26,7 +26,7 @@ from phalanx.recording.read import Recording
 from phalanx.scenario.model import Scenario, digest
 from phalanx.studies.plan import as_text
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import EMPTY
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""
@@ -141,7 +141,7 @@ def row_of(
         certified=certificates.certified / certificates.samples if certificates.samples else None,
         shortest=certificates.shortest,
         uncovered_at=certificates.uncovered_at,
-        empty=summary.origins.get(Origin.BACKUP, 0) + summary.origins.get(Origin.NO_AUTHORITY, 0),
+        empty=sum(summary.origins.get(origin, 0) for origin in EMPTY),
         faults=", ".join(fault.name for fault in summary.faults if fault.count),
         metrics=metrics_of(recording, swarm)[SWARM],
         trajectory=summary.trajectory,

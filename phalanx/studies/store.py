@@ -162,7 +162,7 @@ def _of_another_version(file: Path, columns: Iterable[str]) -> StudyError:
 
 def plan_text(plan: Plan) -> str:
     """Return a plan as TOML."""
-    table = plan.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_defaults=True)
+    table = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     seeds = plan.seeds
     if len(seeds) > 2 and seeds == tuple(range(seeds[0], seeds[-1] + 1)):
         table["seeds"] = f"{seeds[0]}:{seeds[-1] + 1}"

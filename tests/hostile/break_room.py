@@ -147,7 +147,7 @@ class Run:
     def _test(self, copy: Path, tests: str, plugin: type, *arguments: object) -> None:
         os.setsid()
         for kind, most in _LIMITS.items():
-            resource.setrlimit(kind, (most, most))
+            resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
         with self.log.open("wb") as log, open(os.devnull, "rb") as none:
             for number, file in enumerate((none, log, log)):
                 os.dup2(file.fileno(), number)

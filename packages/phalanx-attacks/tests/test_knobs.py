@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -72,6 +73,28 @@ def test_a_start_of_an_attack_turns_a_robot_but_tilts_no_quadrotor():
     assert captured[-2:] == [[0.0, 0.0], [0.0, 0.0]]
     cart = preset("within", load("warehouse"))["starts"]["runaway"]
     assert cart[2] == [-math.pi, math.pi]
+
+
+def test_a_start_of_an_attack_is_within_5_m_of_the_scenarios():
+    scenario = load("one-on-one")
+    (adversary,) = [group for group in scenario.agents if group.role == "adversary"]
+    (box,) = preset("within", scenario)["starts"].values()
+    for (low, high), at in zip(box[:2], adversary.start[0][:2], strict=True):
+        assert (low, high) == pytest.approx((at - 5.0, at + 5.0), abs=0.011)
+
+
+def test_a_fault_is_one_of_all_that_its_numbers_can_choose():
+    """Each kind of lie can be drawn, and a fault lasts no longer than the budget allows."""
+    budget = {"most": 1, "kinds": ["lie"], "longest": 2.0}
+    space = space_of(guaranteed(faults=budget))
+    lies = set()
+    for strength in np.linspace(0.0, 1.0, 11).tolist():
+        overrides = space.overrides(Point((0.5, 1.0, strength), (1, 0)))
+        (fault,) = load(space.table, overrides).faults
+        assert fault.lasts == 2.0
+        lies.add((fault.says, fault.equivocate, fault.replay, fault.silent))
+    assert len(lies) == 5
+    assert space.overrides(Point((0.5, 1.0, 0.5), (0, 0))) == {}
 
 
 def test_within_changes_nothing_that_voids_a_guarantee():

@@ -1,10 +1,12 @@
 """Searches: found attacks repeat bit for bit, and a search is the same however it was made."""
 
+import itertools
 import signal
 from concurrent.futures import Executor, Future
 
 import pytest
 from phalanx_attacks import optimisers, runner
+from phalanx_attacks.archive import Behaviour, Find, write_finds
 from phalanx_attacks.optimisers import OPTIMISERS
 from phalanx_attacks.runner import attack
 from phalanx_attacks.search import Options
@@ -12,6 +14,7 @@ from phalanx_attacks.search import Options
 import phalanx
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import scenario_text
+from phalanx.studies.row import Identity, Row
 from phalanx.studies.store import StudyError
 from tests.layers import layered
 from tests.weak_swarm import weak
@@ -69,20 +72,52 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     assert "Search" in attacked.page.read_text()
 
 
+class Flat:
+    """A space of which all points cost the same, and what an optimiser asked of it."""
+
+    numbers, choices = 2, (3, 2)
+
+    def __init__(self, generations: int) -> None:
+        self.points, self.restarts, self._most = [], [], generations
+
+    def costs(self, points):
+        self.points.append(points)
+        if len(self.points) == self._most:
+            raise KeyboardInterrupt
+        return [1.0] * len(points)
+
+    def next_target(self):
+        self.restarts.append(len(self.points))
+
+
 @pytest.mark.filterwarnings("error")
-def test_cma_es_orders_equal_costs_without_a_warning():
-    class Flat:
-        numbers, choices, generations = 2, (), 0
-
-        def costs(self, points):
-            self.generations += 1
-            if self.generations > 2:
-                raise KeyboardInterrupt
-            return [1.0] * len(points)
-
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_an_optimiser_tries_all_choices_and_begins_again_where_nothing_improves(optimiser):
+    """Equal costs raise no warning of CMA-ES either."""
     with pytest.raises(KeyboardInterrupt):
-        OPTIMISERS["cma-es"](Flat(), trials := Flat(), 0, 10)
-    assert trials.generations == 3
+        OPTIMISERS[optimiser](trials := Flat(20), trials, 0, 10)
+    points = [point for generation in trials.points for point in generation]
+    assert {point.choices for point in points} == set(itertools.product(range(3), range(2)))
+    assert all(0.0 <= number <= 1.0 for point in points for number in point.numbers)
+    assert len({point.numbers for point in points}) == 200
+    assert trials.restarts == ([9, 18] if optimiser == "cma-es" else [])
+
+
+def test_of_an_archive_the_violated_runs_become_files_or_else_the_best(tmp_path):
+    table = weak()
+    finds = [
+        Find(
+            k,
+            Row(identity=Identity("", k, "", ""), overrides={}, outcome=outcome, reason=""),
+            float(k),
+        )
+        for k, outcome in enumerate(("violated", "safe", "violated"))
+    ]
+    archived = [(Behaviour("1 2", 0, "motion"), find) for find in finds]
+    for entries, expected in ((archived, [0, 2]), (archived[1:2], [1]), ([], [])):
+        written = [find.number for _, find, _ in write_finds(tmp_path, table, entries)]
+        assert written == expected
+        assert len(list((tmp_path / "found").glob("*.toml"))) == len(expected)
 
 
 @pytest.mark.slow

@@ -1,13 +1,18 @@
 """Attacks that ship: each gives the verdict and the trajectory that its file states."""
 
+import re
 from pathlib import Path
 
 import pytest
 from phalanx_attacks.minimise import differences, smallest, stated
 
-from phalanx.scenario.load import read_table
+from phalanx.cli.app import status
+from phalanx.guarantee.start import promised
+from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.swarm import build_swarm
 from tests.layers import layered
+from tests.weak_swarm import weak
 
 ROOT = Path(__file__).parents[3]
 CORPUS = sorted((ROOT / "scenarios" / "attacks").glob("*.toml"))
@@ -52,6 +57,27 @@ def test_an_attack_that_ships_shrinks_no_further() -> None:
     assert shipped.pop("description").startswith("An attack on guaranteed: normal agent 2 and ")
     assert minimum.table == shipped
     assert minimum.evaluation.summary.trajectory == stated(file).trajectory
+
+
+@pytest.mark.slow
+def test_an_attack_is_shrunk_into_a_file_that_states_its_run(tmp_path: Path, capsys) -> None:
+    table = weak()
+    table["agents"][1]["start"] = [[1.234567, -1.345678]]
+    attack, small = tmp_path / "attack.toml", tmp_path / "small.toml"
+    attack.write_text(scenario_text(table), encoding="utf-8")
+    words = ["shrink", str(attack), "--attacked", str(attack)]
+    assert status([*words, "--out", str(small)]) == 0
+    assert capsys.readouterr().out.startswith(f"{small}: ")
+    assert differences(small, ["in-process"]) == []
+    assert read_table(small)["agents"][1]["names"] == ["2"]
+    text = small.read_text(encoding="utf-8")
+    assert "adversary 2" in text
+    assert f"Run it: phalanx run {small}" in text
+    promise = promised(build_swarm(load(small))).time
+    stated_promise = float(re.search(r"promises safety for (\d+\.\d+) s", text)[1])
+    assert promise - 1e-3 < stated_promise <= promise
+    assert status(["shrink", str(small), "--attacked", str(attack)]) == 0
+    assert "# Verdict: violated" in capsys.readouterr().out
 
 
 def test_what_is_not_violated_is_not_shrunk() -> None:

@@ -50,7 +50,13 @@ ORIGIN: Fields = {
     "network": {"loss": 0.3, "delay": 0.1},
     "obstacles": [{"clearance": 1.0}, {"clearance": 2.0}],
     "agents": [
-        {"names": ["1", "2"], "role": "normal", "law": {"type": "track"}, "slots": [0, 1]},
+        {
+            "names": ["1", "2"],
+            "role": "normal",
+            "law": {"type": "track"},
+            "slots": [0, 1],
+            "clock": {"period": 0.01, "jitter": 0.002},
+        },
         {"names": ["4", "5"], "role": "adversary", "law": {"type": "pursue", "gain": 5.0}},
     ],
 }
@@ -88,7 +94,7 @@ def test_what_is_left_of_an_attack_is_what_it_needs():
         "duration": 3.0,
         "safety": {"eta": 3.0},
         "agents": [
-            {"names": ["2"], "role": "normal", "law": {"type": "track"}},
+            {"names": ["2"], "role": "normal", "law": {"type": "track"}, "clock": {"period": 0.01}},
             {
                 "names": ["5"],
                 "role": "adversary",

@@ -2,12 +2,14 @@
 
 import math
 import os
+import time
 from queue import SimpleQueue
 from typing import Any
 
 import msgspec
 import pytest
 from phalanx_agent.answering import SampleAnswering, pending_watchdog
+from phalanx_agent.clock import clock_of
 from phalanx_agent.step import Answer, ControlStep
 
 from phalanx.faults.commands import ActiveCommands
@@ -146,3 +148,11 @@ def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent)
     assert len(agent.answers) == 1
     agent.answering.on_broadcast(FROM_3, PLANT.seal(FROM_3, a_broadcast()))
     assert len(agent.answers) == 1, "it is too late now"
+
+
+def test_in_real_time_a_clock_goes_on_from_its_sample_at_the_runs_pace():
+    before = time.monotonic()
+    clock = clock_of(a_sample(t=5.0, pace=2.0))
+    first, second = clock.now(), clock.now()
+    assert 5.0 <= first <= second <= 5.0 + 2.0 * (time.monotonic() - before)
+    assert clock_of(a_sample(t=5.0)).now() == -math.inf, "in lockstep no broadcast is late"

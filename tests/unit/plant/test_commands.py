@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.clock.commands import CommandQueue, declared
+from phalanx_plant.clock.commands import CommandQueue, Pace, declared
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition, FaultState
 from phalanx.messages.frames import CommandMessage
@@ -60,6 +60,15 @@ def test_an_impossible_command_is_refused(commands: CommandQueue, command: Comma
     put(commands, 5, command)
     assert applied(commands) == []
     assert commands.refusals.counts == {"command: wrong command": 1}
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_run_waits_for_ever_where_it_pauses(speed: float):
+    pace = Pace(speed)
+    pace.stop_at(0.5, 0.0)
+    assert pace.wait(0.5) < pace.wait(np.nextafter(0.5, 1.0)) == np.inf
+    pace.stop_at(np.inf, 0.5)
+    assert pace.wait(0.6) < np.inf
 
 
 def test_a_signal_that_outlasts_a_wait_for_the_wall_clock_leaves_it_its_end():

@@ -84,6 +84,8 @@ def test_only_agents_that_may_be_in_sight_by_now_are_required():
     assert ahead.required([0]) == [1]
     ahead.advance(0.2)
     assert ahead.required([0]) == [1]
+    assert ahead.required([4]) == []
+    assert ahead.required([4, 0]) == [1], "one that may see it is enough"
     ahead.end_unknown(1, np.array([0.0, 0.0]))
     assert ahead.required([0]) == []
 

@@ -1,11 +1,14 @@
 """Links on board: lost samples, late and lost inputs, and the schedule that follows."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 from phalanx_plant.sampling.sampling import OnboardLinks, Schedule
+from phalanx_plant.world.events import SwarmBrokenError
 
+from phalanx.network.rule import Message, Treatment
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -45,6 +48,21 @@ def test_a_lost_sample_is_missed_and_the_clock_goes_on_as_it_would_have():
     missed = count - sum(map(len, with_losses.values()))
     assert links.faults == {0: missed}
     assert missed / count == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / count))
+
+
+@dataclass(frozen=True)
+class Refuses:
+    """A rule with a mistake in it."""
+
+    def treat(self, message: Message) -> Treatment:
+        raise ZeroDivisionError("by the rule")
+
+
+@pytest.mark.parametrize("link", ["sample", "actuation"])
+def test_a_rule_on_board_that_fails_ends_the_run_in_words(link: str):
+    swarm = swarm_with(**{link: {"rules": [{"type": f"{__name__}:Refuses"}]}})
+    with pytest.raises(SwarmBrokenError, match=r"own link: rule .*Refuses.* by the rule"):
+        course(swarm)
 
 
 def test_without_faults_all_agents_sample_whenever_their_clocks_tick():

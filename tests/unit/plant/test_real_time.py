@@ -20,6 +20,7 @@ from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004
 PERIOD = 0.01
+RESTART = CommandKind.RESTART
 STILL = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
 Takes = Callable[[int, int], float | None]
 """How long agent i takes to answer sample k [s of wall time]; None: for ever."""
@@ -35,6 +36,7 @@ class OnTheWall:
         self._takes, self._coming = takes, dict[int, float]()
         self.changes = list[tuple[float, int, bool]]()
         self.still = list[int]()
+        self.restarts, self.back = list[int](), True
 
     def send_sample(self, i: int, sample: Sample) -> None:
         self.samples.append((i, sample))
@@ -66,6 +68,15 @@ class OnTheWall:
 
     def resume(self, i: int, t: float) -> None:
         self.still.remove(i)
+
+    def kill(self, i: int, order: Sample) -> None:
+        self.back = False
+
+    def restart(self, i: int, t: float) -> None:
+        self.restarts.append(i)
+        if len(self.restarts) == 2:
+            self.back = True
+            self.changes.append((self.wall - 100.0, i, True))
 
 
 @pytest.fixture
@@ -130,6 +141,16 @@ def test_who_never_answers_is_sampled_again_after_a_while(run) -> None:
     assert summary.punctuality.unanswered == 1
     assert 4 in [step.k for step in recording.steps if step.agent == "1"]
     assert 3 not in [step.k for step in recording.steps if step.agent == "1"]
+
+
+@pytest.mark.slow
+def test_a_restart_is_asked_for_until_the_process_is_back(run) -> None:
+    """A request may come before the dead process is gone, and change nothing."""
+    agents = OnTheWall(lambda i, k: None if i == 0 and not agents.back else 0.001)
+    dead = [Command(t, kind, "1") for t, kind in ((0.02, CommandKind.KILL), (0.1, RESTART))]
+    run(agents, *dead, duration=3.5)
+    assert agents.restarts[:2] == [0, 0]
+    assert len(agents.restarts) == 2, "none is asked for once it is back"
 
 
 def test_the_factor_says_how_fast_virtual_time_goes(run) -> None:

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from phalanx.scenario.load import load
-from phalanx.studies.coordinator import Coordinator, identity_of
+from phalanx.studies.coordinator import Coordinator, StudyProgress, identity_of
 from phalanx.studies.plan import plan_from
 from phalanx.studies.row import Row, digest_of_scenario
 from phalanx.studies.store import Store
@@ -119,6 +119,19 @@ def test_a_row_serves_again_where_all_that_it_follows_from_is_the_same(tmp_path,
         return msgspec.structs.replace(row, identity=row.identity._replace(**changed))
 
     assert again(tmp_path, change) == computed
+
+
+def test_a_run_that_cannot_begin_has_a_row_and_progress_counts_every_row(tmp_path):
+    points = [{"network.loss": 2.0}, {"network.loss": 0.5}]
+    progress: list[StudyProgress] = []
+    for _ in range(2):  # the second time all rows are there
+        frame = run(tmp_path, Here(), {**PLAN, "points": points}, progress=progress.append)
+        assert list(frame["outcome"]) == ["refused", "guaranteed"]
+    assert progress[0] == (1, 2, {"refused": 1}, 0)
+    assert [state for state in progress if state.computed] == [
+        (2, 2, {"refused": 1, "guaranteed": 1}, 1)
+    ]
+    assert progress[-1] == (2, 2, {"refused": 1, "guaranteed": 1}, 0)
 
 
 def test_a_broken_run_is_tried_again(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.studies.plan import (
     Distribution,
@@ -157,6 +158,15 @@ def test_a_written_plan_is_read_as_the_same(tmp_path):
     plan = plan_from({**GRID, "draw": {"safety.eta": {"choice": [1, 2]}}, "draws": 3})
     (tmp_path / "study.toml").write_text(plan_text(plan))
     assert read_plan(tmp_path / "study.toml") == plan
+
+
+def test_a_written_plan_keeps_a_scenario_whose_fields_have_no_value(tmp_path):
+    """TOML has no None: a loaded scenario has some, in tables and in lists of tables."""
+    whole = load("unicycles").model_dump(mode="json", by_alias=True, exclude={"reading", "seed"})
+    plan = plan_from({"scenario": whole})
+    (tmp_path / "study.toml").write_text(plan_text(plan))
+    again = read_plan(tmp_path / "study.toml")
+    assert again.load(again.case(0)) == plan.load(plan.case(0))
 
 
 def test_a_plan_that_is_no_toml_is_refused_by_its_file(tmp_path):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
 from phalanx.studies.statistics import (
+    beta_mixture,
     betting,
     clopper_pearson,
     dkw_band,
@@ -58,6 +59,15 @@ def test_it_holds_the_observed_rate_and_mirrors_failures(k_of_n, level):
     assert clopper_pearson(n - k, n, level) == pytest.approx((1.0 - high, 1.0 - low))
     assert (low == 0.0) == (k == 0)
     assert (high == 1.0) == (k == n)
+
+
+@given(counted(), LEVELS)
+def test_a_sequences_interval_holds_the_rate_mirrors_failures_and_is_no_narrower(k_of_n, level):
+    k, n = k_of_n
+    low, high = beta_mixture(k, n, level)
+    assert 0.0 <= low <= (k / n if n else 0.5) <= high <= 1.0
+    assert beta_mixture(n - k, n, level) == pytest.approx((1.0 - high, 1.0 - low))
+    assert high - low >= clopper_pearson(k, n, level).width - 1e-9
 
 
 def test_arrays_have_the_intervals_of_their_elements():

@@ -3,11 +3,13 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
+import msgspec
 import pytest
 
 import phalanx
+from phalanx.recording.read import swarm_of
 from phalanx.scenario.load import read_table
-from phalanx.studies.row import Identity
+from phalanx.studies.row import Identity, row_of
 from phalanx.studies.work import Job, compute
 from tests.layers import layered
 
@@ -27,6 +29,10 @@ def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
         assert row.shortest == run.summary.certificates.shortest
         assert row.outcome == run.verdict
     assert rows[0].trajectory != rows[1].trajectory
+    counted = msgspec.structs.replace(
+        run.summary, origins={"backup": 3, "no-authority": 2, "qp": 9}
+    )
+    assert row_of(identities[1], {}, counted, run.recording, swarm_of(run.recording)).empty == 5
 
 
 @pytest.mark.slow

@@ -4,10 +4,18 @@ import pytest
 
 from phalanx.network.inbox import AnnouncedInput
 from phalanx.schema.built_in import BUILT_IN
-from phalanx.theory.rows.information import InFlight, Information, Paper, Split, WorstCase
+from phalanx.theory.rows.information import (
+    InFlight,
+    Information,
+    Paper,
+    Split,
+    Together,
+    Unknown,
+    WorstCase,
+)
 from tests.unit.swarms import rows_of_scenario
 
-PLENTY = InFlight({0: 0.008, 1: 0.008}, 1.0)
+PLENTY = InFlight({0: 0.02, 1: 0.008, 2: 0.004}, 1.0)
 
 
 def test_in_flight_trusts_an_input_only_while_no_newer_one_can_be_in_force():
@@ -34,6 +42,13 @@ def test_a_silent_neighbour_is_counted_on_no_more():
     assert split.sharing(0, {}, 1.1, (0, 1)) == [0]
     assert split.sharing(0, heard, 1.4, (0, 1)) == [0, 1]
     assert split.sharing(0, heard, 1.6, (0, 1)) == [0]
+
+
+@pytest.mark.parametrize("model", [InFlight, Paper, Split, WorstCase, Unknown, Together])
+def test_a_model_says_whether_received_inputs_count(model):
+    """Only then the verdict checks whether they were in force, and broadcasts true."""
+    fresh = model({1: 1.0}, 1.0).usable({1: AnnouncedInput(0.0, (1.0,))}, 0.5)
+    assert model.counts_on_received == bool(fresh)
 
 
 class Newest(Information):
