@@ -73,7 +73,7 @@ def run(
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
     keep_up(page.tick, stop_requested)
-    page.server.stop()
+    page.stop()
     return 0
 
 

@@ -3,6 +3,7 @@
 import math
 import os
 import re
+import signal
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -402,3 +403,19 @@ def test_the_page_explains_the_chosen_agents_input_at_the_time_shown(
         expected = explain(read(finished), "1", replay.t).sentences()[0]
         assert expected.startswith("Agent 1 at t = 1.99")
         tab.get_by_text(expected).wait_for()
+
+
+def test_a_page_that_is_closed_leaves_no_explanation_behind(tab: "Tab", finished: Path) -> None:
+    with served(open_replay(finished)) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("5 agents (2 adversaries)").wait_for()
+        tab.get_by_text("Explanation", exact=True).click()
+        tab.get_by_role("button", name="Explain the agent's input").click()
+        tab.get_by_text("Explaining agent").wait_for()
+        (visitor,) = page.visitors.values()
+        assert visitor.explanation is not None
+        program = visitor.explanation.program
+        assert program is not None
+        tab.close()
+        wait_for(lambda: not page.visitors)
+        assert program.wait(60) == -signal.SIGKILL

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from subprocess import PIPE
 from threading import Thread
 from typing import NamedTuple
 
@@ -33,8 +34,10 @@ class ExplanationPanel:
         self, server: SceneServer, gui: viser.GuiApi, moment: Callable[[], Moment]
     ) -> None:
         """`moment` tells what the page shows when the button is pressed."""
-        self._server, self._moment, self._asked = server, moment, 0
+        self._server, self._moment, self._left = server, moment, False
         self._answering: Thread | None = None
+        self.program: subprocess.Popen[bytes] | None = None
+        """The program that explains, if one ever did."""
         with gui.add_folder("Explanation", order=80, expand_by_default=False):
             button = gui.add_button("Explain the agent's input")
             self._text = Panel(gui, _texts(["The run is repeated up to the time shown."]))
@@ -43,30 +46,40 @@ class ExplanationPanel:
     def _ask(self) -> None:
         if self._answering and self._answering.is_alive():
             return  # one program at a time
-        self._asked += 1
         moment = self._moment()
         self._text.show(_texts([f"Explaining agent {moment.agent} at {moment.t:.3f} s ..."]))
         # Not in the server's thread: it takes as long as the run up to then.
-        self._answering = Thread(target=self._answer, args=(moment, self._asked), daemon=True)
+        self.program = subprocess.Popen(_command(moment), stdout=PIPE, stderr=PIPE)
+        self._answering = Thread(target=self._answer, args=(self.program,), daemon=True)
         self._answering.start()
 
-    def _answer(self, moment: Moment, number: int) -> None:
-        sentences = explained(moment)
-        if number == self._asked:  # no newer question
+    def _answer(self, program: subprocess.Popen[bytes]) -> None:
+        sentences = _sentences(program)
+        if not self._left:
             self._server.run(lambda: self._text.show(_texts(sentences)))
 
+    def leave(self) -> None:
+        """Stop the program: its visitor has left."""
+        self._left = True
+        if self.program is not None:
+            self.program.kill()
 
-def explained(moment: Moment) -> list[str]:
-    """Return the sentences of `phalanx explain`, or those of its error."""
+
+def _command(moment: Moment) -> list[str]:
     which = ["--agent", moment.agent, "--at", f"{moment.t!r}", "--json", "--trust"]
-    command = [sys.executable, "-m", "phalanx", "explain", str(moment.recording), *which]
+    return [sys.executable, "-m", "phalanx", "explain", str(moment.recording), *which]
+
+
+def _sentences(program: subprocess.Popen[bytes]) -> list[str]:
+    """Return the sentences of `phalanx explain`, or those of its error."""
     try:
-        program = subprocess.run(command, capture_output=True, timeout=_MOST_SECONDS, check=False)
+        out, failure = program.communicate(timeout=_MOST_SECONDS)
     except subprocess.TimeoutExpired:
+        program.kill()
         return [f"no explanation within {_MOST_SECONDS:g} s"]
     if program.returncode:
-        return program.stderr.decode("utf-8", "replace").strip().splitlines()[-3:]
-    sentences: list[str] = msgspec.json.decode(program.stdout)["sentences"]
+        return failure.decode("utf-8", "replace").strip().splitlines()[-3:]
+    sentences: list[str] = msgspec.json.decode(out)["sentences"]
     return sentences
 
 

@@ -71,6 +71,7 @@ class Visitor:
         self.selected = 0
         """The chosen agent."""
         self._commands: CommandPanel | None = None
+        self.explanation: ExplanationPanel | None = None
         server.run_script("script", script, client)
         self.scene = Scene(client, feed.model, self.select)
         self._panels = Panels(client.gui, feed.model, self.select)
@@ -78,12 +79,17 @@ class Visitor:
         self._paths_due, self._pair = 0.0, 0
         self.follow(feed)
 
+    def leave(self) -> None:
+        """Stop what was begun for this visitor alone."""
+        if self.explanation:
+            self.explanation.leave()
+
     def follow(self, feed: Feed) -> None:
         """Show a feed from now on: of a live run, or of its recording."""
         if isinstance(feed, Replay):
             self.scene.expect(feed.history.trajectory)
             shown = partial(self._shown, feed)
-            self._explanation = ExplanationPanel(self._server, self.client.gui, shown)
+            self.explanation = ExplanationPanel(self._server, self.client.gui, shown)
             if self._commands:
                 self._commands.folder.remove()
                 self._commands = None
@@ -206,6 +212,12 @@ class Page:
     def tick(self) -> None:
         self.server.run(self._tick)
 
+    def stop(self) -> None:
+        """Stop serving, and what was begun for visitors."""
+        for visitor in self.visitors.values():
+            visitor.leave()
+        self.server.stop()
+
     def _begin_with(self, feed: Feed) -> None:
         run = feed.history.trajectory if isinstance(feed, Replay) else feed.model.corners
         begin_with(self.server, feed.model, run.reshape(-1, 3))
@@ -217,6 +229,9 @@ class Page:
         self.visitors[name] = Visitor(self.server, client, self._feed, connect)
 
     def _on_leave(self, client: viser.ClientHandle) -> None:
+        for visitor in self.visitors.values():
+            if visitor.client is client:
+                visitor.leave()
         self.visitors = {k: v for k, v in self.visitors.items() if v.client is not client}
 
     def _show_instead(self, replay: Replay) -> None:
