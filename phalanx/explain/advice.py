@@ -43,7 +43,10 @@ FIELDS = (
     Field("agents.clock.jitter", 0.0, "void if clocks are less exact"),
     Field("agents.disturbance.bound", 0.0, "void if disturbances are larger"),
     Field("agents.dynamics.speed", 0.05, "slower robots; void if an attacker is faster"),
+    Field("agents.dynamics.wheel_rate", 0.05, "slower robots; void if an attacker is faster"),
     Field("agents.dynamics.acceleration", 20.0, "needs robots that brake as hard"),
+    Field("agents.sensing", 0.05, "who is farther is not seen: proven only as far as it then is"),
+    Field("safety.neighbourhood", 0.05, "who is farther is not seen; proven as far as it then is"),
     Field("agents.radio.gain", 20.0, "gaps may close faster; more braking at losses"),
     Field("agents.radio.every", 0.0, "more broadcasts a second"),
 )

@@ -67,14 +67,15 @@ class ControllerSteps:
         return u_nom if u is None else u
 
     def under(self, rows: SafetyRows) -> "ControllerSteps":
-        """Decide the same steps, with the same wishes, by other rows.
+        """Decide the same steps, with the same wishes, by other rows, which may see less far.
 
         The last step alone, unless radio has a memory. A law may have one too: it is not asked.
         """
         first = 0 if self.controller.radio else len(self.steps) - 1
         other = ControllerSteps(rows, self.i, self._wishes[first:])
         for step in self.steps[first:]:
-            other(*step)
+            near = set(rows.swarm.seen(self.i, step.x))  # of those out of sight x is no number
+            other(*step._replace(seen=tuple([l for l in step.seen if l in near])))
         return other
 
 
