@@ -45,6 +45,7 @@ class StepResult(Struct, frozen=True):
             residual=decision.residual,
             margin=decision.margin,
             proven=decision.proven,
+            binding=decision.binding,
             solve_time=solve_time,
         )
 

@@ -344,6 +344,7 @@ def _most_fates(swarm: Swarm) -> int:
     conviction = _HEAD + _INT + 3 * _FLOAT
     per_agent = age + received + conviction
     other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * per_agent
+    other_fields += _INT * len(swarm.safe_set.labels)
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u + x
     return max((MAX_BYTES - other_fields) // fate, 1)

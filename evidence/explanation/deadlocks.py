@@ -22,7 +22,6 @@ from rich.progress import track
 import phalanx
 from phalanx.extend import Dynamics, Law, View
 from phalanx.launcher.run import Run
-from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.read import swarm_of
 from phalanx.seeded.draws import Draws
 from phalanx.theory.arrays import Array
@@ -112,9 +111,9 @@ def stuck_by_places(run: Run) -> bool:
 
 
 def stuck_by_metric(run: Run) -> bool:
-    waits = waits_of_agents(run.recording, swarm_of(run.recording), Thresholds())
-    end = float(run.recording.times[-1])
-    return any(wait.end > end - 0.5 for of_agent in waits.values() for wait in of_agent)
+    summary = run.summary
+    assert summary is not None
+    return any(wait.end > summary.t - 0.5 for wait in summary.deadlocks or ())
 
 
 def laws(law: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -193,6 +193,7 @@ def _show(finished: "Run", report: bool) -> "Outcome":
 def _details(finished: "Run") -> dict[str, str]:
     """Describe how a swarm did its task, and its traffic, unless the recording is too large."""
     from phalanx import UnreadableRecordingError
+    from phalanx.guarantee.verdict import waiting_in_words
     from phalanx.messages.traffic import traffic_in_words
     from phalanx.recording.metrics.table import in_words, metrics_of
     from phalanx.recording.read import find, swarm_of
@@ -204,7 +205,11 @@ def _details(finished: "Run") -> dict[str, str]:
         swarm = swarm_of(finished.recording)
         normal = [swarm.names[i] for i in swarm.normal]
         task = in_words(metrics_of(finished.recording, swarm), normal)
-        return {"task": task, "broadcasts": traffic_in_words(swarm)}
+        rows = {"task": task, "broadcasts": traffic_in_words(swarm)}
+        if (summary := finished.summary) and summary.deadlocks:
+            why = f"phalanx explain {finished.folder} --stuck"
+            rows["waiting"] = f"{waiting_in_words(summary.deadlocks)}; why: {why}"
+        return rows
     except (UnreadableRecordingError, MistakenMethodError, OSError) as error:
         return {"task": f"unknown: {error}"}
 

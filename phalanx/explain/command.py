@@ -4,8 +4,10 @@ import json
 from typing import Annotated
 
 import typer
+from msgspec.structs import asdict
 
 from phalanx.cli.options import RunArgument, Trust
+from phalanx.guarantee.verdict import Deadlock
 from phalanx.launcher.streams import echo
 
 
@@ -54,18 +56,22 @@ def explain(
     if at is not None and agent is None:
         raise typer.BadParameter("expected --agent with --at")
     recording = phalanx.open(run, trust=trust).recording
-    lines: list[str] = []
+    deadlocks: list[Deadlock] = []
     if stuck:
-        agent, at, lines = moments.stuck(recording, agent)
+        agent, at, deadlocks = moments.stuck(recording, agent)
     elif at is None:
         agent, at = moments.worst(recording, agent)
     assert agent is not None
     with spinner(f"explaining agent {agent} at {at:g} s"):
         explanation = explanation_of(recording, agent, at, changes)
     if as_json:
-        echo(*json.dumps(explanation.as_json(), indent=2).splitlines())
+        waiting = {"deadlocks": [asdict(d) | {"waits_for": d.waits_for} for d in deadlocks]}
+        numbers = explanation.as_json() | (waiting if stuck else {})
+        echo(*json.dumps(numbers, indent=2).splitlines())
         return 0
-    echo(*lines, *explanation.sentences())
+    if deadlocks:
+        echo(*moments.who_waits(recording, deadlocks))
+    echo(*explanation.sentences())
     if explanation.binding:
         from rich.console import Console
 

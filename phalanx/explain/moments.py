@@ -1,10 +1,12 @@
 """The moments of a run that ask for an explanation."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from phalanx.guarantee.verdict import Deadlock, waiting_in_words
 from phalanx.launcher.engine import EngineError
-from phalanx.recording.metrics.deadlock import Wait
-from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
+from phalanx.recording.metrics.measures import deadlocks_of
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.scenario.load import inline
 from phalanx.theory.expressions.exact import length
@@ -31,41 +33,29 @@ def worst(recording: Recording, agent: str | None = None) -> tuple[str, float]:
     return step.agent, step.t
 
 
-def stuck(recording: Recording, agent: str | None = None) -> tuple[str, float, list[str]]:
-    """Return who waited longest, the middle of that time [s], and who waits for whom in words.
+def stuck(recording: Recording, agent: str | None = None) -> tuple[str, float, list[Deadlock]]:
+    """Return who waited longest, the middle of that time [s], and all deadlocks.
 
     agent: one agent alone. Raises EngineError: no agent waited.
     """
-    waiting = {
-        name: waits
-        for name, waits in waits_of_agents(recording, swarm_of(recording), Thresholds()).items()
-        if waits and agent in (None, name)
-    }
-    if not waiting:
+    deadlocks = deadlocks_of(recording, swarm_of(recording))
+    deadlocks = [deadlock for deadlock in deadlocks if agent in (None, deadlock.agent)]
+    if not deadlocks:
         raise EngineError("no agent stood for long though it wanted to move")
-    lines = [
-        f"Agent {name} waited from {wait.begin:.4g} to {wait.end:.4g} s, nearest to {wait.nearest}."
-        for name, waits in waiting.items()
-        for wait in waits
-    ]
-    if len(waiting) > 1:
-        lines.append(_cure(recording, next(iter(waiting))))
-    name, longest = max(
-        ((name, wait) for name, waits in waiting.items() for wait in waits), key=_duration
-    )
-    return name, 0.5 * (longest.begin + longest.end), lines
+    longest = max(deadlocks, key=lambda deadlock: deadlock.end - deadlock.begin)
+    return longest.agent, 0.5 * (longest.begin + longest.end), deadlocks
 
 
-def _cure(recording: Recording, agent: str) -> str:
-    """Name the law with which an agent's group makes detours."""
+def who_waits(recording: Recording, deadlocks: Sequence[Deadlock]) -> list[str]:
+    """Say who waited for whom and, of several, name the law with which their group passes."""
+    lines = [f"Who waited for whom: {waiting_in_words(deadlocks)}."]
+    agent, others = deadlocks[0].agent, {deadlock.agent for deadlock in deadlocks[1:]}
     groups = enumerate(recording.scenario.agents)
     number, group = next((n, group) for n, group in groups if agent in group.names)
-    law = inline({"type": "unstick", "of": group.law})
-    return (
-        "Robots that wait for one another pass by a detour, which changes no row: "
-        f"--set 'agents.{number}.law={law}'"
-    )
-
-
-def _duration(entry: tuple[str, Wait]) -> float:
-    return entry[1].end - entry[1].begin
+    if others - {agent} and group.law["type"] != "unstick":
+        law = inline({"type": "unstick", "of": group.law})
+        lines.append(
+            "Robots that wait for one another pass by a detour, which changes no row: "
+            f"--set 'agents.{number}.law={law}'"
+        )
+    return lines

@@ -117,15 +117,19 @@ class ProvenFilter:
         """Solve the QP with the first filter's rows and whole rows for these pairs."""
         assert first.rows is not None
         terms = self._pairs(now.x, [l for l in now.seen if l in self._provable])
-        agents, others = self.proofs.agents, self.proofs.others[weak].tolist()
-        counted = {l if l < agents else None for l in others}
+        counted = set(self.proofs.others[weak].tolist())
         chosen = np.array([l in counted for l in terms.others], dtype=bool)
         every = pair_rows(terms, {})
         a = np.concatenate([np.atleast_2d(first.rows.a), every.a[chosen]])
         inside = every.bound[chosen] - _INSIDE * length(every.a[chosen])
         bound = np.concatenate([np.atleast_1d(first.rows.bound), inside])
+        others = tuple([l for l in terms.others if l in counted])
+        if isinstance(first.rows, Rows):
+            others = first.rows.others + others
+        else:  # one row of all pairs
+            others = (first.decision.binding or others)[:1] + others
         inputs = now.terms.polytopes[self._i]
-        decision = decide_pairs(inputs, Rows(a, bound), now.u_nom, self._qp)
+        decision = decide_pairs(inputs, Rows(a, bound, others=others), now.u_nom, self._qp)
         origin = Origin.PROVEN if decision.origin is Origin.QP else decision.origin
         return Filtered(replace(decision, origin=origin), first.used)
 

@@ -205,6 +205,44 @@ class Violation(msgspec.Struct):
         return f"{self.duration:.3f} s from t = {self.first:.3f} s {end}{more}"
 
 
+class Deadlock(msgspec.Struct):
+    """A time for which a normal agent wanted to move, was held by its rows, and stood."""
+
+    agent: str
+    begin: float
+    """[s]"""
+    end: float
+    """The last time at which it was seen to stand [s]."""
+    held_by: dict[str, float] = {}
+    """For how long rows of each other agent, obstacle or limit were binding [s]."""
+
+    @property
+    def waits_for(self) -> list[str]:
+        """Return who held it at least half as long as the one that did longest."""
+        longest = max(self.held_by.values(), default=0.0)
+        return sorted(name for name, held in self.held_by.items() if held >= 0.5 * longest)
+
+    def __str__(self) -> str:
+        holders = ", ".join(self.waits_for) or "no row of its own"
+        return (
+            f"agent {self.agent} has stood since {self.begin:.4g} s though it wants to move, "
+            f"held by: {holders}"
+        )
+
+
+def waiting_in_words(deadlocks: Sequence[Deadlock], most: int = 8) -> str:
+    """Say who waited for whom, as "a for c and d (1.9 to 8 s), …"; empty without one."""
+    longest: dict[str, Deadlock] = {}
+    for deadlock in sorted(deadlocks, key=lambda d: d.begin - d.end):
+        longest.setdefault(deadlock.agent, deadlock)
+    texts = [
+        f"{name} for {' and '.join(d.waits_for) or 'no one'} ({d.begin:.4g} to {d.end:.4g} s)"
+        for name, d in longest.items()
+    ]
+    more = [f"{len(texts) - most} more"] if len(texts) > most else []
+    return ", ".join(texts[:most] + more)
+
+
 class Summary(msgspec.Struct):
     """The results of a run; written as summary.json and into the recording."""
 
@@ -246,6 +284,8 @@ class Summary(msgspec.Struct):
     """Excursions of pairs since all their normal agents had turned adversary: not counted."""
     trust: TrustSummary | None = None
     """None unless agents watch each other, or know peers by radio."""
+    deadlocks: list[Deadlock] | None = None
+    """Of normal agents; None in older recordings."""
 
     def __repr__(self) -> str:
         until = f"{self.outcome} after {self.t:g} s"

@@ -24,6 +24,8 @@ _STEP = 1e-5
 """Of the difference quotients of own parts, relative to the authority."""
 _INSIDE = 1e-3
 """How far inside a tangent an answer is to be [m/s], so that the last one passes the test."""
+_AT_MOST = 2.0 * _INSIDE
+"""An own part so close to its largest keeps the input from the wish [m/s]."""
 _MOVES = np.arange(1, 17) / 16.0
 
 
@@ -41,8 +43,8 @@ class Chosen(NamedTuple):
 
     u: Array
     braked: bool
-    binding: int | None
-    """Which of the limits keeps it from the wish, if any does."""
+    binding: tuple[int, ...] = ()
+    """Which of the limits keep it from the wish, if any do."""
 
 
 class InputChoice:
@@ -73,25 +75,26 @@ class InputChoice:
             turn: rotation of the set of inputs, shape (axes, axes); None for none.
         """
         inputs = self._inputs if turn is None else _turned(self._inputs, turn)
-        cuts, binding = Rows(np.empty((0, len(wish))), np.empty(0)), -1
+        cuts, worst = Rows(np.empty((0, len(wish))), np.empty(0)), -1
         u = self._inside(wish, inputs, cuts, whole)
         if u is None or not np.isfinite(u).all():
-            return Chosen(self._motion.brake(v), True, None)
+            return Chosen(self._motion.brake(v), True)
         if limits is None:
-            return Chosen(u, False, None)
+            return Chosen(u, False)
         for _ in range(_ROUNDS):
             around = np.concatenate([u[None], u + self._steps])
             values = self._pieces.spending(v, around, limits.cones)
             excess = values[0] - limits.most
             if (excess <= 0.0).all():
-                return Chosen(u, False, binding if binding >= 0 else None)
-            binding = int(excess.argmax())
+                close = {worst, *np.flatnonzero(excess >= -_AT_MOST).tolist()}
+                return Chosen(u, False, tuple(sorted(close)) if worst >= 0 else ())
+            worst = int(excess.argmax())
             cuts = _joined(cuts, self._tangents(u, values, excess))
             inside = self._inside(wish, inputs, cuts, whole)
             if inside is None:
                 break
             u = inside
-        return self._towards_brake(u, v, limits, binding)
+        return self._towards_brake(u, v, limits, worst)
 
     def _tangents(self, u: Array, values: Array, excess: Array) -> Rows:
         """Rows of the own parts that are too large, by difference quotients."""
@@ -114,7 +117,7 @@ class InputChoice:
         except EmptyPolytopeError:
             return None
 
-    def _towards_brake(self, u: Array, v: Array, limits: Limits, binding: int) -> Chosen:
+    def _towards_brake(self, u: Array, v: Array, limits: Limits, worst: int) -> Chosen:
         """The input farthest from the brake, on the way to u, that passes the test."""
         brake = self._motion.brake(v)
         share, width = 0.0, 1.0
@@ -127,7 +130,7 @@ class InputChoice:
             if passing.size:
                 share = float(moves[passing[-1]])
         u = brake + share * (u - brake) if share > 0.0 else brake
-        return Chosen(u, share == 0.0, binding)
+        return Chosen(u, share == 0.0, (worst,))
 
 
 def _turned(inputs: Polytope, turn: Array) -> Polytope:

@@ -43,8 +43,8 @@ class OwnPartsInput(NamedTuple):
     """-V at least, of each peer that was heard [m]."""
     sets: Mapping[int, PeerSet]
     """Its reference."""
-    binding: int | None
-    """The peer whose gap keeps the input from the wish; None too if that is an obstacle."""
+    binding: tuple[int, ...]
+    """Whose gaps keep the input from the wish: peers, -1 - k for obstacle k."""
 
 
 class OwnParts:
@@ -54,8 +54,8 @@ class OwnParts:
     """z at the last sample, to be broadcast."""
     limits: Limits | None
     """Of own parts at the last sample; None if none could be too large."""
-    near: Sequence[int | None]
-    """The peers of these limits; None for an obstacle."""
+    near: Sequence[int]
+    """The peers of these limits; -1 - k for obstacle k."""
     inputs: Array
     """Of the reference at the last sample: the wish and the chosen one, shape (2, axes)."""
     _last: Hold | None
@@ -128,21 +128,21 @@ class OwnParts:
         limits = self._limits(boxes.of(near), motions.of(near), gaps[near], static, len(names))
         unheard = [l for l in self._names if l not in heard]
         near_peers = [names[n] for n in near.tolist()]
-        self.limits, self.near = limits, [*near_peers, *[None] * len(static), *unheard]
+        obstacles = range(-1, -1 - len(static), -1)
+        self.limits, self.near = limits, [*near_peers, *obstacles, *unheard]
         shifted = None if whole is None else Rows(whole.a, whole.bound - dot(whole.a, pull))
         chosen = self._choice.nearest(wish - pull, z[self._motion.axes :], limits, shifted, turn)
         self._last = Hold(t, z, chosen.u, t)
         self.inputs = np.array([wish - pull, chosen.u])
         rows = zip(boxes.low, boxes.high, states, strict=True)
         sets = [PeerSet(low, high, t - state.t) for low, high, state in rows]
-        by_a_peer = chosen.binding is not None and chosen.binding < len(near)
         return OwnPartsInput(
             u=chosen.u + pull,
             braked=chosen.braked,
             stands=len(names) < len(self._names),
             gaps=dict(zip(names, gaps.tolist(), strict=True)),
             sets=dict(zip(names, sets, strict=True)),
-            binding=names[near[chosen.binding]] if by_a_peer else None,
+            binding=tuple([self.near[k] for k in chosen.binding]),
         )
 
     def spending(self) -> Array:

@@ -47,6 +47,8 @@ class StepReport(msgspec.Struct, array_like=True, forbid_unknown_fields=True, kw
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     solve_time: Annotated[float, Quantity("Control step", "s")]
     """Wall time from sample to input [s]; not part of the trajectory."""
+    binding: tuple[int, ...] = ()
+    """Whose rows the input is at the bound of: members, N + k for obstacle k, then limits."""
 
 
 class AppliedStep(StepReport, kw_only=True):

@@ -1,114 +1,158 @@
 """Deadlock: an agent that wants to move, is held by its rows, and waits in one place.
 
-It does so by its inputs and positions alone, whether it has a goal or not.
+It does so by its inputs and positions alone, whether it has a goal or not. The plant watches a run
+and writes each deadlock into the recording; with other limits a recording is watched again.
 """
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from phalanx.recording.records import Step
+from phalanx.guarantee.verdict import Deadlock
+from phalanx.messages.step_report import AppliedStep
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.qp import NearestInput
 
-_WINDOW = 50
-"""Steps into which an agent's patience is divided."""
-_MOST_STEPS = 10**6
-"""A day of virtual time; a damaged recording may have any time."""
+STILL = 0.25
+"""An agent stands while its output point, and how far the nearest other is, change less [m]."""
+_SAMPLES = 50
+"""Times at which an agent's patience is looked at."""
 _WISHES = 0.1
 """Share of an agent's largest input from which a wish is one to move, and a row holds it."""
+_LASTS = 2.0
+"""How many of its longest periods an agent's wish lasts: one that died wants nothing, though its
+actuator holds its last input."""
 
 
-class Wait(NamedTuple):
-    """A stretch of time in deadlock."""
-
-    begin: float
-    """[s]"""
-    end: float
-    """[s]"""
-    nearest: str
-    """The other agent or obstacle that was nearest when it began."""
+def usual_patience(duration: float) -> float:
+    """Return the time after which one that stands is in deadlock, in a run so long [s]."""
+    return min(5.0, 0.2 * duration)
 
 
-def waits(
-    t: Array, position: Array, nearest: Array, held: Array, still: float, patience: float
-) -> list[tuple[float, float]]:
-    """Return the stretches of time in deadlock [s].
+class HeldWishes:
+    """One agent's wishes to move, and for how long its rows have not let it."""
 
-    An agent is in deadlock during each stretch of length `patience` in which its output point and
-    the distance to the nearest other stay within `still`, and its wish is held for most of it.
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        dynamics = swarm.members[i].dynamics
+        x = ca.SX.sym("x", len(dynamics.states))
+        self._inputs = constant_polytope(*dynamics.input_polytope(x))
+        self._nearest = NearestInput(dynamics.input_metric())
+        self._largest = 0.0
+        """Size of its largest input; of one so far where U depends on the state."""
+        if self._inputs is not None:
+            self._largest = float(length(self._inputs.corners).max())
+        self._lasts, self._since = _LASTS * swarm.horizon(i), -np.inf
+        self._seconds = 0.0
+        """Until its last input."""
+        self.binding: tuple[int, ...] = ()
+        """Whose rows hold it; as in a StepReport."""
+        self.held = False
 
-    Args:
-        t: times [s], shape (s,).
-        position: output point [m], shape (s, d).
-        nearest: distance to the nearest other [m], shape (s,).
-        held: 1 where its wish is held, else 0; shape (s,).
-        still: [m]
-        patience: [s]
-    """
-    step = patience / _WINDOW
-    steps = int(min(round(float(t[-1] - t[0]) / step, 6), _MOST_STEPS)) if len(t) else 0
-    if steps < _WINDOW:
-        return []
-    grid = t[0] + step * np.arange(steps + 1)
-    points = np.column_stack([np.interp(grid, t, axis) for axis in position.T])
-    stretches = len(grid) - _WINDOW
-    moved = np.zeros(stretches)
-    for later in range(1, _WINDOW + 1):
-        distance = length(points[later : later + stretches] - points[:stretches])
-        np.maximum(moved, distance, out=moved)
-    around, wish = (
-        sliding_window_view(np.interp(grid, t, v), _WINDOW + 1) for v in (nearest, held)
-    )
-    same = np.ptp(np.where(np.isfinite(around), around, 0.0), axis=1) <= still
-    stuck = (moved <= still) & same & (wish.mean(axis=1) > 0.5)
-    covered = np.concatenate([[0.0], np.convolve(stuck, np.ones(_WINDOW)) > 0, [0.0]])
-    (begins,), (ends,) = np.nonzero(np.diff(covered) > 0), np.nonzero(np.diff(covered) < 0)
-    return list(zip(grid[begins].tolist(), (t[0] + step * ends).tolist(), strict=True))
+    def seconds(self, t: float) -> float:
+        """Return for how long it was held until t [s]."""
+        return self._seconds + (min(t - self._since, self._lasts) if self.held else 0.0)
 
+    def applied(self, t: float, step: AppliedStep) -> None:
+        """Take the input that is in force from t on [s]."""
+        self._seconds, self._since = self.seconds(t), t
+        self.held = step.u_nom != step.u and self._holds(np.array(step.u), np.array(step.u_nom))
+        self.binding = step.binding if self.held else ()
 
-def held_by_rows(dynamics: Dynamics, steps: Sequence[Step], t: Array) -> Array:
-    """Return 1 at the times [s] at which an agent wants to move and its rows do not let it, else 0.
-
-    A wish beyond U_i is one for the nearest input in it, where U_i is constant; where it is not,
-    the largest input is that of all steps. Shape (s,).
-    """
-    inputs = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", len(dynamics.states))))
-    nearest = NearestInput(dynamics.input_metric())
-    sizes = [step.u for step in steps] if inputs is None else inputs.corners
-    least = _WISHES * float(length(np.array(sizes)).max(initial=0.0))
-    held = [0.0]
-    for step in (ordered := sorted(steps, key=lambda step: step.t_apply)):
-        u, wish = np.array(step.u), np.array(step.u_nom or step.u)
-        if inputs is not None:
-            within = nearest.solve(wish, inputs)
+    def _holds(self, u: Array, wish: Array) -> bool:
+        """True if the nearest input to the wish is one to move, and another than u."""
+        if self._inputs is None:
+            self._largest = max(self._largest, float(length(u)))
+        else:
+            within = self._nearest.solve(wish, self._inputs) if wish.size else None
             wish = u if within is None else within
-        held.append(float(min(length(wish), length(u - wish)) > least))
-    times = np.array([step.t_apply for step in ordered])
-    of_step = np.searchsorted(times, t, side="right")
-    # One that died wants nothing, though its actuator holds its last input.
-    until = times[-1] + 2.0 * float(np.diff(times).max()) if len(times) > 1 else np.inf
-    return np.where(t <= until, np.array(held)[of_step], 0.0)
+        return min(float(length(wish)), float(length(u - wish))) > _WISHES * self._largest
 
 
-def deadlocks(
-    swarm: Swarm, i: int, steps: Sequence[Step], t: Array, p: Array, still: float, patience: float
-) -> list[Wait]:
-    """Return agent i's stretches in deadlock, from the positions of all, shape (s, N, d) [m]."""
-    labels = swarm.safe_set.labels
-    distances = length(p - p[:, i : i + 1])
-    distances[:, i] = np.inf
-    statics = [o.distances(p[:, i]) - o.clearance for o in swarm.scenario.obstacles]
-    distances = np.column_stack([distances, *statics])
-    held = held_by_rows(swarm.members[i].dynamics, steps, t)
-    stretches = waits(t, p[:, i], distances.min(axis=1), held, still, patience)
-    begins = np.searchsorted(t, [begin for begin, _ in stretches])
-    nearest = distances[np.minimum(begins, len(t) - 1)].argmin(axis=1).tolist()
-    return [Wait(*ends, labels[l]) for ends, l in zip(stretches, nearest, strict=True)]
+class _Sample(NamedTuple):
+    t: float
+    p: Array
+    """Output points of all agents [m], shape (N, d)."""
+    held: Array
+    """For how long each agent was held so far [s], shape (N,); 0 of an adversary."""
+    binding: Mapping[int, tuple[int, ...]]
+    """Whose rows hold each normal agent at that instant."""
+
+
+class DeadlockWatch:
+    """A fold over the states and inputs of a run that finds deadlocks as they begin.
+
+    An agent is in deadlock once, for as long as its patience, its output point and the distance to
+    the nearest other stay within `still`, while its wish is held for most of that time.
+    """
+
+    def __init__(self, swarm: Swarm, still: float = STILL, patience: float | None = None) -> None:
+        """still: [m]. patience: [s]; by default as usual for the scenario's duration."""
+        self._swarm, self._still = swarm, still
+        self._patience = patience or usual_patience(swarm.scenario.duration)
+        self._wishes = {i: HeldWishes(swarm, i) for i in swarm.normal}
+        self._samples, self._due = deque[_Sample](), -np.inf
+        self.deadlocks: list[Deadlock] = []
+        """All so far, by when they were found."""
+        self._last: dict[int, Deadlock] = {}
+
+    def applied(self, i: int, t: float, step: AppliedStep) -> None:
+        """Take the input that agent i applies from t on [s]."""
+        if (wishes := self._wishes.get(i)) is not None:
+            wishes.applied(t, step)
+
+    def reached(self, t: float, x: Array) -> list[Deadlock]:
+        """Take the stacked state x at t [s], shape (n̄,), and return the deadlocks that it shows."""
+        if t < self._due:
+            return []
+        swarm, samples = self._swarm, self._samples
+        self._due = t + self._patience / _SAMPLES
+        held = np.zeros(len(swarm.names))
+        for i, wishes in self._wishes.items():
+            held[i] = wishes.seconds(t)
+        binding = {i: wishes.binding for i, wishes in self._wishes.items()}
+        samples.append(_Sample(t, swarm.positions(x), held, binding))
+        while len(samples) > 1 and samples[1].t <= t - self._patience:
+            samples.popleft()
+        begin = samples[0].t
+        if t - begin < self._patience:
+            return []
+        for_most = np.flatnonzero(held - samples[0].held > 0.5 * (t - begin)).tolist()
+        standing = [self._waits(i) for i in for_most if self._stands(i)]
+        return [new for new in standing if new is not None]
+
+    def _stands(self, i: int) -> bool:
+        """True if agent i, and the distance to the nearest other, have stayed as they were."""
+        own = np.array([sample.p[i] for sample in self._samples])
+        if length(own - own[0]).max() > self._still:
+            return False
+        distances = length(np.array([sample.p for sample in self._samples]) - own[:, None])
+        distances[:, i] = np.inf
+        statics = [o.distances(own) - o.clearance for o in self._swarm.scenario.obstacles]
+        nearest = np.column_stack([distances, *statics]).min(axis=1)
+        return bool(np.ptp(np.where(np.isfinite(nearest), nearest, 0.0)) <= self._still)
+
+    def _waits(self, i: int) -> Deadlock | None:
+        """Begin a deadlock of agent i, or go on with its last one; return a new one."""
+        begin, now, last = self._samples[0].t, self._samples[-1].t, self._last.get(i)
+        if last is None or last.end < begin:
+            new = Deadlock(self._swarm.names[i], begin, now)
+            self._last[i] = new
+            self.deadlocks.append(new)
+            after = begin
+        else:
+            new, after = None, last.end
+            last.end = now
+        labels, deadlock = self._swarm.safe_set.labels, self._last[i]
+        for before, sample in pairwise(self._samples):
+            for l in sample.binding[i] if sample.t > after else ():
+                if 0 <= l < len(labels):  # an agent may state anything
+                    seconds = deadlock.held_by.get(labels[l], 0.0) + sample.t - before.t
+                    deadlock.held_by[labels[l]] = seconds
+        return new

@@ -121,7 +121,7 @@ def require_margin(
     terms = rows.pair_terms(i)(x, in_sight, swarm.sharing)
     for k in np.flatnonzero(~np.isfinite(terms.margin))[:1]:
         other = terms.others[k]
-        beside = "an obstacle or a limit" if other is None else swarm.names[other]
+        beside = [*swarm.names, "an obstacle or a limit"][min(other, len(swarm.names))]
         expected = f"a finite margin of {swarm.names[i]} and {beside}{where}"
         raise MistakenMethodError(margin, "at_sample", expected, "no finite number")
 

@@ -27,7 +27,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import StateBox
-from phalanx.theory.rows.decision import Decision, finite_or_none
+from phalanx.theory.rows.decision import Decision, at_bound, finite_or_none
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.nearest_in_box import TOLERANCE
 from phalanx.theory.rows.origin import Origin
@@ -169,6 +169,7 @@ class RadioFilter:
         self.with_beliefs = PeerKnowledge(swarm, i)
         points = self.with_beliefs.points
         self._point, self._own = points[i], swarm.safe_set.parts[i]
+        self._agents = len(swarm.members)
         self.reference: Array | None = None
         """The reference state at the last sample, shape (n_i,); None if there is none."""
         self.result: OwnPartsInput | None = None
@@ -210,12 +211,16 @@ class RadioFilter:
         )
         self.reference = of_point.at(x, self.own_parts.reference)
         u = of_point.applied(x, result.u)
-        residual = float((dot(whole.a, u) - whole.bound).max(initial=FAR))
+        residuals = dot(whole.a, u) - whole.bound
+        residual = float(residuals.max(initial=FAR))
         origin = Origin.BRAKE if result.braked else Origin.QP
         if residual > TOLERANCE:
             origin = Origin.BACKUP
         used = [l for l in heard if l in now.received and l not in self.with_beliefs.convicted]
-        return Filtered(Decision(u, origin, finite_or_none(residual)), used, whole)
+        binding = *result.binding, *at_bound(whole, residuals)
+        binding = tuple([l if l >= 0 else self._agents - 1 - l for l in binding])
+        decision = Decision(u, origin, finite_or_none(residual), binding=binding)
+        return Filtered(decision, used, whole)
 
 
 def _terms_of_limits(rows: SafetyRows, i: int) -> OwnPairTerms:

@@ -75,7 +75,7 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not safety.pairwise:
-            return ComposedFilter(i, information, self.qp(i))
+            return ComposedFilter(i, information, self.qp(i), swarm.pairs)
         return PairwiseFilter(i, information, self.qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:

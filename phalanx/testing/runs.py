@@ -8,12 +8,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from phalanx.faults.fault import TimedFault
-from phalanx.guarantee.verdict import Outcome
+from phalanx.guarantee.verdict import Outcome, waiting_in_words
 from phalanx.launcher.network_effect import network_effect
 from phalanx.launcher.run import Run
 from phalanx.launcher.run import run as run_scenario
 from phalanx.launcher.verify import first_difference, verify
-from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
+from phalanx.recording.metrics.measures import Thresholds, deadlocks_of
 from phalanx.recording.metrics.table import metrics_of
 from phalanx.testing.claims import claim
 from phalanx.testing.conditions import Source, faulty
@@ -102,15 +102,9 @@ class CheckedRun(Run):
     @claim
     def assert_no_deadlock(self) -> str | None:
         """Claim that no normal agent stands though it wants to move, as deadlock_time has it."""
-        of_agents = waits_of_agents(self.recording, self._swarm, Thresholds())
-        waits = [(wait, name) for name, of_agent in of_agents.items() for wait in of_agent]
-        if not waits:
-            return None
-        (begin, end, nearest), name = min(waits)
-        return (
-            f"{name} stood though it wanted to move from t = {begin:.3f} to {end:.3f} s, "
-            f"nearest to {nearest}: phalanx explain {self.folder} --agent {name} --at {end:.3f}"
-        )
+        deadlocks = deadlocks_of(self.recording, self._swarm)
+        waiting = waiting_in_words(deadlocks)
+        return f"{waiting}: phalanx explain {self.folder} --stuck" if deadlocks else None
 
     @claim
     def assert_recovers(self, after: str, within: float) -> str | None:

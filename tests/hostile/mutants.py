@@ -273,7 +273,7 @@ MUTANTS = (
     Mutant("memory of a reference that jumped", f"{_KNOWLEDGE}/own_parts.py",
            "self._shares.forget()", "pass", f"{_TEST_KNOWLEDGE}/test_shares.py"),
     Mutant("the last input untested", f"{_KNOWLEDGE}/choice.py",
-           "if (excess <= 0.0).all():", "if binding >= 0:", _TEST_KNOWLEDGE),
+           "if (excess <= 0.0).all():", "if worst >= 0:", _TEST_KNOWLEDGE),
     Mutant("peers never heard", f"{_KNOWLEDGE}/own_parts.py",
            "if unheard := len(self._names) - heard:", "if unheard := 0:",
            f"{_TEST_KNOWLEDGE}/test_own_parts.py"),

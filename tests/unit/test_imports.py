@@ -115,27 +115,27 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
     "agent": 1220,
-    "cli": 1450,
+    "cli": 1455,
     "explain": 810,
     "faults": 1030,
-    "guarantee": 2670,
-    "knowledge": 1540,
+    "guarantee": 2700,
+    "knowledge": 1545,
     "launcher": 2320,
-    "messages": 910,
+    "messages": 915,
     "native": 300,
     "network": 1410,
-    "plant": 5140,
+    "plant": 5145,
     "pytest": 340,
-    "recording": 2280,
+    "recording": 2325,
     "report": 2010,
     "scenario": 1630,
     "schema": 850,
     "seeded": 180,
     "studies": 2130,
-    "swarm": 1990,
+    "swarm": 1995,
     "testing": 910,
-    "theory": 9220,
-    "viewer": 4900,
+    "theory": 9245,
+    "viewer": 4910,
     "wire": 600,
 }
 EXTENSIONS = {
@@ -323,7 +323,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_780)]
+    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_970)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

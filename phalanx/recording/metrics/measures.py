@@ -4,13 +4,15 @@ Positions are output points at the recorded times t, shape (s, d); between them 
 straight. An input counts from the instant it is applied until the agent's next one.
 """
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.recording.metrics.deadlock import Wait, deadlocks
+from phalanx.guarantee.verdict import Deadlock
+from phalanx.recording.deadlock import STILL, DeadlockWatch
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.swarm.swarm import Swarm
@@ -27,11 +29,19 @@ class Thresholds:
 
     arrival: float = 0.5
     """An agent is at its goal within this distance [m]."""
-    still: float = 0.25
+    still: float = STILL
     """An agent stands while its output point, and how far the nearest other is, change less [m]."""
     patience: float | None = None
     """An agent that stands for this long though it wants to move is in deadlock [s]; by default 5,
-    but at most a fifth of the run."""
+    but at most a fifth of the scenario's duration."""
+
+    @property
+    def of_deadlocks(self) -> tuple[float, float | None]:
+        """Return the limits of a DeadlockWatch."""
+        return self.still, self.patience
+
+
+_USUAL = Thresholds()
 
 
 class InputSeries(NamedTuple):
@@ -86,7 +96,7 @@ def metrics_of_agents(
     t, x, parts = recording.times, recording.x, swarm.safe_set.parts
     end = float(t[-1]) if len(t) else 0.0
     p = _positions(recording, swarm)
-    waits = waits_of_agents(recording, swarm, limits)
+    deadlocks, watched = deadlocks_of(recording, swarm, limits), swarm.normal if len(t) else ()
     states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
     steps = steps_by_agent(recording).values()
     with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
@@ -95,25 +105,24 @@ def metrics_of_agents(
                 **_task(swarm, i, t, states, p[:, i], limits),
                 **_distances(swarm, i, p),
                 **_inputs(of_agent, len(swarm.members[i].dynamics.inputs), end),
-                **_deadlock(waits.get(swarm.names[i]), end),
+                **(_deadlock(swarm.names[i], deadlocks, end) if i in watched else {}),
             }
             for i, of_agent in enumerate(steps)
         ]
 
 
-def waits_of_agents(
-    recording: Recording, swarm: Swarm, limits: Thresholds
-) -> dict[str, list[Wait]]:
-    """Return each normal agent's stretches in deadlock, by name; empty without a state."""
-    t, p, steps = recording.times, _positions(recording, swarm), steps_by_agent(recording)
-    if not len(t):
-        return {}
-    patience = limits.patience or min(5.0, 0.2 * float(t[-1] - t[0])) or 5.0
-    return {
-        name: deadlocks(swarm, i, steps[name], t, p, limits.still, patience)
-        for i, name in enumerate(swarm.names)
-        if i in swarm.normal
-    }
+def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL) -> list[Deadlock]:
+    """Return the deadlocks that the plant recorded; watch again with other limits, or without."""
+    recorded = recording.summary.deadlocks if recording.summary else None
+    if recorded is not None and limits.of_deadlocks == _USUAL.of_deadlocks:
+        return recorded
+    watch, steps = DeadlockWatch(swarm, *limits.of_deadlocks), deque(recording.steps)
+    for state in recording.states:
+        while steps and steps[0].t_apply < state.t:
+            step = steps.popleft()
+            watch.applied(swarm.names.index(step.agent), step.t_apply, step)
+        watch.reached(state.t, np.array(state.x))
+    return watch.deadlocks
 
 
 def _positions(recording: Recording, swarm: Swarm) -> Array:
@@ -167,18 +176,14 @@ def _distances(swarm: Swarm, i: int, p: Array) -> dict[str, Value]:
     }
 
 
-def _deadlock(waits: Sequence[Wait] | None, duration: float) -> dict[str, Value]:
-    """Return for how long an agent is in deadlock, and since when; nothing of an adversary.
-
-    duration: of the run [s].
-    """
-    if waits is None:
-        return {}
-    time = added([wait.end - wait.begin for wait in waits])
+def _deadlock(name: str, deadlocks: Sequence[Deadlock], duration: float) -> dict[str, Value]:
+    """Return for how long an agent is in deadlock, and since when; duration: of the run [s]."""
+    own = [deadlock for deadlock in deadlocks if deadlock.agent == name]
+    time = added([deadlock.end - deadlock.begin for deadlock in own])
     return {
         "deadlock_time": time,
         "deadlock_share": time / duration if duration else 0.0,
-        "deadlock_since": min((wait.begin for wait in waits), default=None),
+        "deadlock_since": min((deadlock.begin for deadlock in own), default=None),
     }
 
 

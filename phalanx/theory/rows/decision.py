@@ -29,6 +29,8 @@ class Decision(Struct, frozen=True):
     binds, and if no margin is known."""
     proven: float | None = None
     """Time for which the agent has proven its pairs safe [s]; None if it proves nothing."""
+    binding: tuple[int, ...] = ()
+    """Whose rows the input is at the bound of, or beyond: members, or N + k for obstacle k."""
 
 
 class NotANumberError(ArithmeticError):
@@ -100,17 +102,25 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
         u = qp.least_violation(polytope, rows)
         holds = (dot(rows.a, u) <= rows.bound).all()
         origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP
-    return Decision(u, origin, *_nearest_to_binding(rows, u))
-
-
-def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | None]:
-    """The largest a u - bound, at least FAR, and that row's margin; None for infinite ones."""
     residuals = dot(rows.a, u) - rows.bound
     nearest = int(residuals.argmax()) if residuals.size else None
     if nearest is None or residuals[nearest] <= FAR:
-        return FAR, None
+        return Decision(u, origin, FAR)
     margin = None if rows.margin is None else finite_or_none(float(rows.margin[nearest]))
-    return finite_or_none(float(residuals[nearest])), margin
+    residual = finite_or_none(float(residuals[nearest]))
+    return Decision(u, origin, residual, margin, binding=at_bound(rows, residuals))
+
+
+AT_BOUND = 1e-6
+"""Slack of a row below which an input is at its bound, relative to that."""
+
+
+def at_bound(rows: Rows, residuals: Array) -> tuple[int, ...]:
+    """Return the others in the rows at whose bound an input is; residuals: a u - bound of each."""
+    if not rows.others:
+        return ()
+    inside = residuals < -AT_BOUND * (1.0 + np.abs(rows.bound))  # never if not a number
+    return tuple([rows.others[k] for k in np.flatnonzero(~inside).tolist()])
 
 
 def finite_or_none(value: float) -> float | None:

@@ -42,7 +42,7 @@ class PairTerms(Struct, frozen=True):
     """Terms at one sampled state, for each pair of agent i in sight; shapes (r,) unless given.
 
     >>> one, none = np.ones(1), np.zeros(1)
-    >>> terms = PairTerms(-np.ones((1, 1)), np.ones((1, 2)), one, none, none, [], (None,), none > 0)
+    >>> terms = PairTerms(-np.ones((1, 1)), np.ones((1, 2)), one, none, none, [], (7,), none > 0)
     >>> Rows(terms.a, -(terms.unforced + terms.most)).bound
     array([-1.])
     """
@@ -59,8 +59,8 @@ class PairTerms(Struct, frozen=True):
     """Of the row, or of agent i's half, as margins.margin.AgentMargin sums it."""
     forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
-    others: tuple[int | None, ...]
-    """The other member's index; None for an obstacle."""
+    others: tuple[int, ...]
+    """The other member's index, or N + k for obstacle k."""
     half: Mask
     """True if agent i keeps half of the pair, False if all of it."""
 
@@ -114,7 +114,7 @@ class _Chosen(NamedTuple):
     groups: list[_Group]
     results: list[Array]
     """The results of all groups but the forces of the other members, and none if there are none."""
-    others: tuple[int | None, ...]
+    others: tuple[int, ...]
     """As in PairTerms, like `half`."""
     half: Mask
 
@@ -197,7 +197,7 @@ class OwnPairTerms:
             key,
             groups,
             results=[np.zeros((0, self._end)), *[g.rows.results[:, : self._end] for g in groups]],
-            others=tuple(other if other < len(swarm.members) else None for other, _ in entries),
+            others=tuple(other for other, _ in entries),
             half=np.array([part is RowPart.HALF for _, part in entries], dtype=np.bool_),
         )
 
@@ -232,11 +232,9 @@ def pair_rows(terms: PairTerms, received: Mapping[int, Sequence[float]]) -> Rows
     half = _HALF * terms.unforced + terms.margin
     bound = -np.where(terms.half, half, whole)
     for k, other in enumerate(terms.others if received else ()):
-        if other is None or terms.half[k]:
-            continue
-        if (u := received.get(other)) is not None:
+        if not terms.half[k] and (u := received.get(other)) is not None:
             bound[k] += terms.most[k] - inner(terms.forces[k].tolist(), u)
-    return Rows(terms.a, bound, terms.margin)
+    return Rows(terms.a, bound, terms.margin, terms.others)
 
 
 def most_of_other(pair: OwnPair) -> ca.SX:

@@ -75,6 +75,8 @@ class Rows(Struct, frozen=True):
     """shape (r,)"""
     margin: Array | None = None
     """The part of each bound that is margin, shape (r,), if it is known."""
+    others: tuple[int, ...] = ()
+    """The other member of each row's pair, or N + k for obstacle k; empty if they are not told."""
 
 
 def paper_row(terms: Terms, i: int, received: Mapping[int, Sequence[float]]) -> Row:

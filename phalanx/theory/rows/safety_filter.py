@@ -9,17 +9,20 @@ other agents that its rows contain::
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Protocol
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from phalanx.theory.arrays import Array
-from phalanx.theory.rows.decision import Decision, decide, decide_pairs
+from phalanx.theory.rows.decision import AT_BOUND, Decision, decide, decide_pairs
 from phalanx.theory.rows.information import Information, ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows, Terms, paper_row
+from phalanx.theory.safety.pairs import SwarmPairs
 
 
 class FilterInput(Struct, frozen=True):
@@ -59,15 +62,26 @@ class SafetyFilter(Protocol):
 class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
-    def __init__(self, i: int, information: Information, qp: NearestInput) -> None:
+    def __init__(
+        self, i: int, information: Information, qp: NearestInput, pairs: SwarmPairs
+    ) -> None:
         self.i, self._information, self._qp = i, information, qp
+        self._own_pairs = lru_cache(maxsize=4)(lambda seen: pairs.choose(pairs.of(i, seen)))
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
         terms, c, counted = now.terms, now.terms.c, _believed(self._information, now)
         row = paper_row(terms, self.i, counted)
         decision = decide(terms, self.i, row, now.u_nom, self._qp)
+        if decision.residual is None or decision.residual >= -AT_BOUND * (1.0 + abs(row.bound)):
+            decision = replace(decision, binding=self._weightiest(now))
         return Filtered(decision, [l for l in counted if l in c and any(c[l].tolist())], row)
+
+    def _weightiest(self, now: FilterInput) -> tuple[int, ...]:
+        """The other of the agent's own pair that counts most in h_tot, if it has one in sight."""
+        pairs = self._own_pairs(now.seen)
+        ends = pairs.pairs[[pairs.h(now.x).argmax()]] if len(pairs.pairs) else pairs.pairs
+        return tuple([b if a == self.i else a for a, b in ends.tolist()])
 
 
 class PairwiseFilter:

@@ -17,12 +17,14 @@ from phalanx.guarantee.verdict import (
     Assumption,
     CertificateSummary,
     Convicted,
+    Deadlock,
     TrustSummary,
     Violation,
 )
 from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
+from phalanx.recording.deadlock import DeadlockWatch
 from phalanx.recording.records import Level, Log
 from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.rows import SafetyRows
@@ -81,6 +83,7 @@ class Findings(Struct):
     excluded: list[Violation] | None
     """None if no pair was excluded."""
     trust: TrustSummary | None
+    deadlocks: list[Deadlock]
     rejected: dict[str, int]
     """Payloads that agents dropped, by agent, if there are any."""
 
@@ -114,6 +117,7 @@ class Judge:
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
         self._convictions: list[Convicted] = []
+        self._watch = DeadlockWatch(swarm)
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
         """By earlier processes of restarted agents."""
@@ -136,6 +140,7 @@ class Judge:
             violations=extremes.violations(),
             excluded=extremes.excluded(),
             trust=self._trust,
+            deadlocks=self._watch.deadlocks,
             rejected={f"by agent {name}": now + old for name, now, old in counts if now + old},
         )
 
@@ -237,6 +242,9 @@ class Judge:
             pair = self.extremes.label(crossing.pair)
             notices.append(Log(crossing.t, self.extremes.in_words(crossing), level, pair))
         self._crossings = []
+        notices += [
+            Log(event.t, str(deadlock)) for deadlock in self._watch.reached(event.t, event.x)
+        ]
         notices.sort(key=lambda line: line.t)
         return Judged(event, notices, peak=peak, pair=self.extremes.largest)
 
@@ -286,6 +294,7 @@ class Judge:
             certified=self.coverage.applied(i, event.t_apply, proven),
             **asdict(telemetry.report),
         )
+        self._watch.applied(i, event.t_apply, step)
         if origin == Origin.BACKUP:
             notices += self._warn_once(event.t_apply, f"agent {name}: first backup")
         return Judged(event, notices, step=step, received=received)

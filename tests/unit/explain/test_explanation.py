@@ -73,8 +73,12 @@ def waiting(swap: Recording) -> ControllerSteps:
 
 
 def test_four_that_swap_places_wait_and_the_rows_of_the_nearest_are_named(swap, waiting):
-    agent, t, lines = moments.stuck(swap)
-    assert (agent, len(lines)) == ("a", 5)
+    agent, t, deadlocks = moments.stuck(swap)
+    held_by = {deadlock.agent: deadlock.waits_for for deadlock in deadlocks}
+    opposite, across = ["a", "b"], ["c", "d"]
+    assert held_by == {"a": across, "b": across, "c": opposite, "d": opposite}
+    lines = moments.who_waits(swap, deadlocks)
+    assert (agent, len(lines)) == ("a", 2)
     assert lines[-1].endswith(
         '{ type = "unstick", of = { type = "track-velocity", gain = 1.0 } }\''
     )
@@ -157,7 +161,8 @@ def test_a_change_that_is_advised_frees_the_agent_and_a_smaller_one_does_not(wai
 def test_a_field_that_the_scenario_lacks_is_never_advised(waiting):
     absent = [f for f in FIELDS if not changes(waiting.rows.swarm.scenario, f, 1.0)]
     assert [field.path for field in absent] == [
-        "safety.eta", "agents.disturbance.bound", "agents.dynamics.acceleration",
+        "safety.eta", "agents.disturbance.bound", "agents.dynamics.wheel_rate",
+        "agents.dynamics.acceleration", "agents.sensing", "safety.neighbourhood",
         "agents.radio.gain", "agents.radio.every",
     ]  # fmt: skip
     assert [least_change(waiting, field) for field in absent] == [None] * len(absent)
@@ -213,7 +218,10 @@ def test_the_command_explains_a_recorded_run(tmp_path, capsys, monkeypatch):
     Simulation(require_runnable(build_swarm(scenario)), tmp_path).run()
     assert status(["explain", str(tmp_path), "--stuck", "--no-changes"]) == 0
     out = capsys.readouterr().out
-    assert "Agent d waited from " in out
+    assert "Who waited for whom: a for c and d (" in out
+    assert status(["explain", str(tmp_path), "--stuck", "--no-changes", "--json"]) == 0
+    graph = json.loads(capsys.readouterr().out)["deadlocks"]
+    assert {node["agent"]: node["waits_for"] for node in graph}["c"] == ["a", "b"]
     assert "margin: sampling period" in out
     numbers_of = ["explain", str(tmp_path), "--agent", "b", "--at", "2", "--json", "--no-changes"]
     assert status(numbers_of) == 0

@@ -90,7 +90,7 @@ def test_the_row_that_keeps_an_input_from_the_wish_is_named():
     limits = Limits(fixed(np.concatenate([behind, ahead]), 4), np.array([0.6, 0.6]))
     wish, v = np.array([4.0, 0.0]), np.array([0.5, 0.0])
     u, braked, binding = CHOICE.nearest(wish, v, limits, None)
-    assert (braked, binding) == (False, 1)
+    assert (braked, binding) == (False, (1,))
     assert u[0] < 4.0
 
 

@@ -102,7 +102,7 @@ def test_waypoints_are_passed_by_the_true_states():
 
 
 def test_agents_that_stand_though_they_want_to_move_are_in_deadlock():
-    still = [step(agent, 0, 0.0, 0.0) for agent in "ab"]
+    still = [step(agent, k, 0.1 * k, 0.0) for k in range(100) for agent in "ab"]
     metrics = figures(recording_of([ALONG_X, [4.0, 0.0]], steps=still))
     assert metrics["a"]["deadlock_time"] == 0.0
     assert metrics["b"]["deadlock_time"] == pytest.approx(10.0, abs=0.2)
@@ -197,7 +197,7 @@ def test_a_mistaken_metric_of_ones_own_is_one_line(metric, expected):
 
 
 def test_the_task_in_words():
-    still = [step(agent, 0, 0.0, 0.0) for agent in "ab"]
+    still = [step(agent, k, 0.1 * k, 0.0) for k in range(100) for agent in "ab"]
     metrics = figures(recording_of([ALONG_X, [4.0, 0.0]], steps=still))
     assert in_words(metrics, ["a", "b"]) == (
         "1 of 2 arrived, tracking error 2.5 m on average, "

@@ -51,7 +51,7 @@ BROKEN = [
     ("plain", "never_closer", {"distance": 1.5}, r"a and b were 1\.\d+ m apart at t = 1\.\d+ s"),
     ("plain", "arrives", {"by": 0.5}, r"\w was there from t = \d\.\d+ s on"),
     ("killed", "arrives", {"by": 2.9}, r"b ended \S+ m from its goal"),
-    ("head-on", "no_deadlock", {}, r"\w stood .* s, nearest to \w: phalanx explain /\S+"),
+    ("head-on", "no_deadlock", {}, r"\w for \w \(\S+ to \S+ s\), .*: phalanx explain /\S+"),
     ("plain", "recovers", {"after": "partition", "within": 0.2}, "no such fault"),
     ("cut", "recovers", {"after": "partition", "within": 2.0}, "it lasts until t = 1 s"),
     ("late", "recovers", {"after": "partition", "within": 0.1}, "it lasts until t = 6 s"),

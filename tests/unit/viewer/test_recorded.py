@@ -92,8 +92,8 @@ def test_one_that_stands_though_it_wants_to_move_is_in_the_log_and_on_the_timeli
     two = {"agents.0.names": ["a", "b"], "duration": 6.0, "agents.0.law.type": "track-velocity"}
     scenario = phalanx.load("evidence/explanation/swap.toml", {**two, **facing})
     replay = Replay(phalanx.run(scenario, engine="in-process").recording)
-    lines = [line for line in replay.log if "wants to move and stands" in line.text]
+    lines = [line for line in replay.log if "though it wants to move" in line.text]
     assert [line.text.split()[1] for line in lines] == ["a", "b"]
-    assert lines[0].text.endswith("nearest to b")
+    assert lines[0].text.endswith("held by: b")
     marks = content(replay, [0], seekable=True).marks
     assert {line.t for line in lines} <= {mark.t for mark in marks}

@@ -16,10 +16,8 @@ from phalanx.messages.step_report import AppliedStep
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
 from phalanx.recording.curves.series import Series
-from phalanx.recording.metrics.measures import Thresholds, waits_of_agents
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Level, Step
-from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds.live_history import SPACING, path_points
@@ -46,8 +44,7 @@ class Replay:
         self.path = recording.path
         self.summary, self.unfinished = recording.summary, recording.unfinished
         self.times = self.history.times
-        lines = [LogLine(line.t, line.text) for line in recording.log]
-        self.log = sorted(lines + _waits(recording, self.model.swarm), key=lambda line: line.t)
+        self.log = [LogLine(line.t, line.text) for line in recording.log]
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
         swarm = self.model.swarm
@@ -223,6 +220,7 @@ class _AgentSteps:
     def __init__(self, steps: list[Step], series: AgentSeries, names: tuple[str, ...]) -> None:
         """names: of all agents."""
         self._series, self._origins = series, [s.origin for s in steps]
+        self._bindings = [s.binding for s in steps]
         self._backups, self._without_authority = (
             np.cumsum([s.origin == origin for s in steps], dtype=int)
             for origin in (Origin.BACKUP, Origin.NO_AUTHORITY)
@@ -241,7 +239,8 @@ class _AgentSteps:
         numbers = {name: float(values[k]) for name, values in series.numbers.items()}
         u_nom = () if np.isnan(series.u_nom[k]).any() else tuple(series.u_nom[k].tolist())
         fields: dict[str, Any] = {n: None if np.isnan(v) else v for n, v in numbers.items()}
-        fields |= {"origin": self._origins[k], "u": tuple(series.u[k].tolist()), "u_nom": u_nom}
+        fields |= {"origin": self._origins[k], "binding": self._bindings[k]}
+        fields |= {"u": tuple(series.u[k].tolist()), "u_nom": u_nom}
         return AgentStatus(
             condition=condition,
             step=AppliedStep(**fields),
@@ -255,15 +254,6 @@ class _AgentSteps:
         first, last = np.searchsorted(self._late[:, 0], [after, until], side="right")
         delays: list[list[float]] = self._late[first:last, 1:].tolist()
         return delays
-
-
-def _waits(recording: Recording, swarm: Swarm) -> list[LogLine]:
-    """Return a line for each time from which an agent waits, as metrics have it."""
-    return [
-        LogLine(wait.begin, f"agent {name} wants to move and stands, nearest to {wait.nearest}")
-        for name, waits in waits_of_agents(recording, swarm, Thresholds()).items()
-        for wait in waits
-    ]
 
 
 def open_replay(run: Path, trust: bool = False) -> Replay:

@@ -72,7 +72,7 @@ def test_a_pair_with_an_adversary_or_an_obstacle_is_the_normal_agents_alone(seed
     rows = pair_rows(terms, {})
     d, o = x[:2] - x[4:], x[:2] - np.array([0.0, 5.0])
     worst = 2 * np.abs(d).sum()
-    assert terms.others == (1, 2, None)
+    assert terms.others == (1, 2, 3)
     assert terms.half.tolist() == [True, False, False]
     assert rows.bound[1] == pytest.approx(-(1.5 * (1 - d @ d) + worst + ETA))
     assert rows.bound[2] == pytest.approx(-(1.5 * (1 - o @ o) + ETA))
@@ -94,7 +94,7 @@ def test_there_are_rows_for_what_is_seen_alone():
     terms = own_terms(0, 4.9)(x, (0, 2))
     assert terms.others == (2,)
     assert pair_rows(terms, {}).bound.shape == (1,)
-    assert own_terms(0, 5.1)(x, (0, 2)).others == (2, None)
+    assert own_terms(0, 5.1)(x, (0, 2)).others == (2, 3)
     alone = own_terms(0, 4.9)(x, (0,))
     assert alone.others == ()
     rows = pair_rows(alone, {})
