@@ -112,7 +112,7 @@ class Calls:
             sys.setprofile(None)
             functions = [
                 (code.co_filename.removeprefix(self._folder), code.co_firstlineno, max(lines))
-                for code in codes
+                for code in codes.copy()  # a thread may add still
                 if code.co_filename.startswith(self._folder)
                 and (lines := [line for *_, line in code.co_lines() if line])
             ]

@@ -49,6 +49,7 @@ _PROOFS, _TEST_PROOFS = (
     "phalanx/guarantee/proven_filter.py",
     "tests/unit/guarantee/test_proven_filter.py",
 )
+_CERTIFY = "packages/phalanx-certify"
 _KNOWLEDGE, _TEST_KNOWLEDGE = "phalanx/knowledge", "tests/unit/knowledge"
 
 MUTANTS = (
@@ -238,6 +239,20 @@ MUTANTS = (
            "if path.is_symlink():", "if False:", "tests/unit/files"),
     Mutant("a link to a file followed", "phalanx/files/__init__.py",
            "part.replace(path)", "path.write_bytes(part.read_bytes())", "tests/unit/files"),
+    Mutant("a reason that came after the violation", "phalanx/guarantee/verdict.py",
+           " and a.first <= worst.first", "", "tests/unit/guarantee/test_verdict.py"),
+    Mutant("another in sight for one that was proven", _PROOFS,
+           "if now.seen != self._visible:", "if len(now.seen) != len(self._visible):",
+           _TEST_PROOFS),
+    Mutant("rejected counts of the last process but one", _JUDGE,
+           "self._rejected_before[i] += self", "self._rejected_before[i] = self", _TEST_JUDGE),
+    Mutant("a start certified a second longer", _COVERAGE,
+           "self._issue(zero.i, 0.0, proven)", "self._issue(zero.i, 1.0, proven)", _TEST_JUDGE),
+    Mutant("a second component outside U", f"{_CERTIFY}/phalanx_certify/checker/motions.py",
+           "inside(point(u), self._inputs)", "inside(point(u)[:1], self._inputs[:1])",
+           f"{_CERTIFY}/tests/test_certify.py -k each_component"),
+    Mutant("a hijacked agent that does nothing", "phalanx/swarm/attack.py",
+           "u = self._worst(", "u = 0.0 * self._worst(", "tests/unit/swarm/test_attack.py"),
     Mutant("a set without growth by the input", f"{_KNOWLEDGE}/sets.py",
            "after(rest, motions, -bound, bound)", "after(rest, motions, -0.9 * bound, bound)",
            f"{_TEST_KNOWLEDGE}/test_sets.py"),

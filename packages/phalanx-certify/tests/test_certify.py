@@ -223,6 +223,17 @@ def test_an_input_that_the_agent_does_not_have_is_refused(unicycles):
         certify(recording.scenario, recording.states, tampered(recording, 40, 100.0))
 
 
+@pytest.mark.parametrize("component", [0, 1])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_each_component_of_an_input_is_to_be_in_u(component, sign):
+    """A unicycle, 4 m/s and 2 rad/s at most; actuators accept 1e-5 more."""
+    motion = GroupMotion(small_scenario(*MODELS["unicycle"][:1], [[0.0] * 3]).agents[0], 0.0)
+    u = np.array([[4.0, 4.0], [2.0, 2.0]])
+    u[component] += (1e-5, 1e-4)
+    u[component] *= sign
+    assert motion.admits(u).tolist() == [True, False]
+
+
 def test_a_silent_agent_leaves_a_gap_where_its_last_certificate_ends(tmp_path):
     freeze = CommandPolicy(schedule=(Command(0.5, CommandKind.FREEZE, "1"),))
     scenario = load("unicycles", overrides={"duration": 1.5})

@@ -141,6 +141,20 @@ def test_a_pair_is_proven_no_longer_because_another_pair_is_looked_at(later, is_
     assert (4 in proofs.others[second.pairs]) == is_looked_at
 
 
+@pytest.mark.slow
+def test_who_comes_into_sight_for_another_is_not_proven_as_that_one_was():
+    """Agent 5 goes out of sight far away and agent 4 comes near, or the other way round."""
+    rows = build_rows(build_swarm(load("guaranteed")))
+    parts, x = rows.swarm.safe_set.parts, rows.swarm.start()
+    for gone, comes in ((4, 3), (3, 4)):
+        proofs, close = ProvenFilter(rows, 0, rows.filter(0)).proofs, x.copy()
+        assert proofs.near(FilterInput(0.0, x, (0, gone), None, np.zeros(2), {})) is None
+        close[parts[comes].start : parts[comes].start + 2] = x[:2] + np.array([1.2, 0.0])
+        near = proofs.near(FilterInput(0.01, close, (0, comes), None, np.zeros(2), {}))
+        assert near is not None
+        assert proofs.others[near.pairs].tolist() == [comes]
+
+
 @pytest.mark.parametrize("number", range(3))
 def test_one_who_sees_no_other_proves_pairs_with_the_obstacle_that_is_near(number):
     swarm = build_swarm(load("guaranteed"))

@@ -136,19 +136,21 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
 def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_counts_too():
     judge = judge_of()
     apply(judge, 0, rejected=2)
-    kill, restart = (
-        CommandApplied(Command(t, kind, "1", fault=4), 0, forgotten)
-        for t, kind, forgotten in (
-            (0.1, CommandKind.KILL, (1, 3)), (0.2, CommandKind.RESTART, ()),
-        )
-    )  # fmt: skip
-    assert texts(*happen(judge, kill, restart)) == [
-        "agent 1 killed; lost with it: the inputs received of 2, 4",
-        "agent 1 restarted, with nothing received",
-    ]
-    apply(judge, 0, k=1, t=0.2, rejected=2)
-    assert judge.claims.faults == {4: 1}
-    assert judge.findings().rejected == {"by agent 1": 4}
+    apply(judge, 1, rejected=16)
+    for k, rejected in ((1, 1), (2, 4)):  # two restarts; a process counts from 0
+        kill, restart = (
+            CommandApplied(Command(t, kind, "1", fault=4), 0, forgotten)
+            for t, kind, forgotten in (
+                (0.2 * k - 0.1, CommandKind.KILL, (1, 3)), (0.2 * k, CommandKind.RESTART, ()),
+            )
+        )  # fmt: skip
+        assert texts(*happen(judge, kill, restart)) == [
+            "agent 1 killed; lost with it: the inputs received of 2, 4",
+            "agent 1 restarted, with nothing received",
+        ]
+        apply(judge, 0, k=k, t=0.2 * k, rejected=rejected)
+    assert judge.claims.faults == {4: 2}
+    assert judge.findings().rejected == {"by agent 1": 7, "by agent 2": 16}
 
 
 def test_an_agent_that_is_out_of_reach_is_silent_until_it_is_back():
@@ -253,6 +255,13 @@ def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate()
     for i, t, seconds, ends in ((0, 1.0, 0.5, 1.5), (1, 1.1, 0.0, 1.5), (0, 1.2, 0.0, -np.inf)):
         coverage.applied(i, t, np.full(7, seconds))
         assert coverage.ends[both] == ends
+
+
+def test_until_its_first_input_a_start_is_certified_no_longer_than_it_takes_to_meet():
+    """Agent 1 stands still; agent 2 is 1/64 m off, at 1 m/s."""
+    rows = rows_of_scenario("one-on-one", f"agents.1.start=[[0.0, {-1.0 - 1.0 / 64.0}]]")
+    (end,) = Judge(rows).coverage.ends
+    assert 0.9 / 64.0 < end < 1.0 / 64.0
 
 
 @pytest.mark.slow
