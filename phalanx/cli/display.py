@@ -145,7 +145,7 @@ def _waiting(missing: Sequence[str], agents: int) -> str:
 
 def last_line(summary: Summary) -> str:
     """Return the verdict and its reason, and the unsafe pairs of a run that ended early."""
-    words = f"{summary.outcome}: {summary.reason}"
+    words = "; lost: ".join([f"{summary.outcome}: {summary.reason}", *summary.lost])
     if summary.outcome is Outcome.VIOLATED or not summary.violations:
         return words
     pairs = ", ".join(violation.pair for violation in summary.violations[:_MOST_NAMES])
@@ -183,6 +183,8 @@ def print_summary(summary: Summary, details: Mapping[str, str] = MappingProxyTyp
         table.add_row("turned, not counted", text)
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")
+    for member in summary.lost:
+        table.add_row("lost", member)
     for fault in summary.faults:
         times = "once" if fault.count == 1 else f"{fault.count} times"
         hit = styled(times, "") if fault.count else styled("never had an effect", "yellow")

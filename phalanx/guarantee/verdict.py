@@ -286,6 +286,8 @@ class Summary(msgspec.Struct):
     """None unless agents watch each other, or know peers by radio."""
     deadlocks: list[Deadlock] | None = None
     """Of normal agents; None in older recordings."""
+    lost: list[str] = []
+    """Agents that became unreachable in real time: when, and what they had reported."""
 
     def __repr__(self) -> str:
         until = f"{self.outcome} after {self.t:g} s"

@@ -126,3 +126,21 @@ def test_a_program_by_zenoh_knows_its_peers_by_radio(more: list[dict[str, Any]])
 def test_a_program_by_zenoh_needs_a_process() -> None:
     with pytest.raises(ScenarioError, match=r"cart-3 speaks zenoh, a process alone: take engine"):
         phalanx.run(warehouse(**BY_ZENOH), engine="in-process")
+
+
+HANGS = """
+import json, sys, time
+for k, line in enumerate(sys.stdin):
+    time.sleep(60.0 * (k > 20))
+    print(json.dumps({"u": json.loads(line)["u_nom"]}), flush=True)
+"""
+
+
+@pytest.mark.swarm
+def test_in_real_time_the_last_line_names_the_program_that_hung() -> None:
+    clock = {"latency": 0.005, "timeout": 2.0}
+    table = read_table("one-on-one", {"duration": 4.0, "time": clock})
+    table["agents"][0]["program"] = [sys.executable, "-c", HANGS]
+    (lost,) = phalanx.run(phalanx.load(table), real_time=1.0).summary.lost
+    assert lost.startswith("agent 1 at t = ")
+    assert "expected to answer within 1 s for agent 1, got nothing" in lost

@@ -57,8 +57,8 @@ class TimelyAgents(Processes, Protocol):
     def take_reported(self, i: int) -> Array | None:
         """Return agent i's input for its newest sample, (m_i,), if its report has arrived too."""
 
-    def take_changes(self) -> list[tuple[int, bool]]:
-        """Return agents that were lost or came back since the last call: (i, is back)."""
+    def take_changes(self) -> list[tuple[int, bool, str]]:
+        """Return agents that were lost or came back since the last call: (i, is back, why)."""
 
 
 class _PendingSample(Struct):
@@ -176,9 +176,9 @@ class RealTime:
             self._reach(now)
         for command in commands:
             self._now.append(self._apply_command(command))
-        for i, back in changes:
-            self._now.append(MemberLost(i, now, back))
-        self._restarting -= {i for i, back in changes if back}
+        for i, back, why in changes:
+            self._now.append(MemberLost(i, now, back, why))
+        self._restarting -= {i for i, back, _ in changes if back}
         self._sample([i for i in due if i not in self._sampling.silent], now)
         if self._now:
             self._events.add(self._now)

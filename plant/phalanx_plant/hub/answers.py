@@ -90,8 +90,8 @@ class Answers:
         """Raise Malformed unless the payload is a pending answer. Called in any thread."""
         self._require_pending(*self._open(key, payload))
 
-    def accept(self, key: str, payload: bytes) -> str | None:
-        """Store a pending answer; return the agent's error message if it reports a failure.
+    def accept(self, key: str, payload: bytes) -> tuple[str, str] | None:
+        """Store a pending answer; if it reports a failure, return the agent and its message.
 
         Raises Malformed for any other payload.
         """
@@ -100,7 +100,8 @@ class Answers:
             self.on_actuation(i, answer)
             return None
         self.on_telemetry(i, answer)
-        return _failure(self._names[i], answer.failed) if answer.failed else None
+        name = self._names[i]
+        return (name, _failure(name, answer.failed)) if answer.failed else None
 
     def _open(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
         i, kind = self.senders[key]

@@ -57,7 +57,9 @@ class Joining:
         self._begun = False
         self._gone: dict[str, float] = {}
         """Wall time at which an agent that had joined was lost [s]."""
-        self._changes: list[tuple[int, bool]] = []
+        self._changes: list[tuple[int, bool, str]] = []
+        self._failures: dict[str, str] = {}
+        """What agents reported that may leave, and have not yet."""
 
     def begin(self) -> None:
         """Begin the run: unless agents may leave, losing one is now an error."""
@@ -84,8 +86,15 @@ class Joining:
         """Return whether an agent was ordered to exit, and has not yet."""
         return name in self._dismissed
 
-    def take_changes(self) -> list[tuple[int, bool]]:
-        """Return agents that were lost or came back since the last call: (i, is back)."""
+    def on_failure(self, name: str, failure: str) -> str | None:
+        """Handle an agent's report that it failed; return it if the run needs every agent."""
+        if not self._may_leave:
+            return failure
+        self._failures[name] = failure
+        return None
+
+    def take_changes(self) -> list[tuple[int, bool, str]]:
+        """Return agents that were lost or came back since the last call: (i, is back, why)."""
         changes, self._changes = self._changes, []
         return changes
 
@@ -95,7 +104,9 @@ class Joining:
         if name not in self._names:
             return None
         if name in self._joined and self._may_leave:
-            self._changes += [(self._names.index(name), alive)] if digest == self.digest else []
+            if digest == self.digest:
+                why = self._failures.pop(name, "")
+                self._changes.append((self._names.index(name), alive, why))
             return None
         if name in self._joined:
             if alive or digest != self.digest:
@@ -288,8 +299,8 @@ class Hub:
             self.refusals.add(key, reason)
         else:
             # If agents may leave, the run continues without one that fails.
-            if failure is not None and not self.may_leave:
-                raise SwarmBrokenError(failure)
+            if failure and (broken := self._joining.on_failure(*failure)):
+                raise SwarmBrokenError(broken)
 
 
 class LockstepHub(Hub):
@@ -360,6 +371,6 @@ class RealTimeHub(Hub):
         """Return agent i's input, shape (m_i,), if it and its report have arrived."""
         return self._answers.take_reported(i)
 
-    def take_changes(self) -> list[tuple[int, bool]]:
-        """Return agents that were lost or came back since the last call: (i, is back)."""
+    def take_changes(self) -> list[tuple[int, bool, str]]:
+        """Return agents that were lost or came back since the last call: (i, is back, why)."""
         return self._joining.take_changes()

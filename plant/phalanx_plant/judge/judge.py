@@ -86,6 +86,8 @@ class Findings(Struct):
     deadlocks: list[Deadlock]
     rejected: dict[str, int]
     """Payloads that agents dropped, by agent, if there are any."""
+    lost: list[str]
+    """Agents that became unreachable, when, and what they had reported."""
 
 
 class Judge:
@@ -120,6 +122,7 @@ class Judge:
         self._watch = DeadlockWatch(swarm)
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
+        self._lost_members: list[str] = []
         """By earlier processes of restarted agents."""
 
     def findings(self) -> Findings:
@@ -142,6 +145,7 @@ class Judge:
             trust=self._trust,
             deadlocks=self._watch.deadlocks,
             rejected={f"by agent {name}": now + old for name, now, old in counts if now + old},
+            lost=self._lost_members,
         )
 
     @property
@@ -319,7 +323,9 @@ class Judge:
         if event.back:
             return Judged(event, [Log(event.t, f"agent {name} is back")])
         self.assumptions.fell_silent(event.i, event.t)
-        lost = f"agent {name} is lost; its actuator holds its input"
+        because = f" ({event.why})" if event.why else ""
+        self._lost_members.append(f"agent {name} at t = {event.t:.3f} s{because}")
+        lost = f"agent {name} is lost{because}; its actuator holds its input"
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
 
     def _report(

@@ -82,6 +82,8 @@ class MemberLost(Struct, frozen=True):
     t: float
     """[s]"""
     back: bool
+    why: str = ""
+    """What it reported before it became unreachable."""
 
 
 Event = StateReached | Sampled | CommandApplied | InputApplied | InputLost | MemberLost

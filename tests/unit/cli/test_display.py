@@ -58,6 +58,19 @@ def test_the_last_line_of_a_stopped_run_names_who_was_unsafe_until_then():
     assert display.last_line(violated) == "violated: by Ctrl-C"
 
 
+def test_the_last_line_and_the_table_name_agents_that_were_lost(capsys):
+    lost = ["agent 1 at t = 0.100 s (agent 1 failed)", "agent 2 at t = 0.200 s"]
+    summary = summary_of(phalanx.load("unicycles"), "1-4 left the safe set")
+    summary = msgspec.structs.replace(summary, lost=lost)
+    assert display.last_line(summary) == (
+        "violated: 1-4 left the safe set; lost: agent 1 at t = 0.100 s (agent 1 failed); "
+        "lost: agent 2 at t = 0.200 s"
+    )
+    display.print_summary(summary)
+    rows = [line.split()[:3] for line in capsys.readouterr().out.splitlines() if "lost" in line]
+    assert rows == [["lost", "agent", "1"], ["lost", "agent", "2"]]
+
+
 def test_what_is_refused_before_it_begins_shows_no_bar(screen):
     with display.progress(phalanx.load("formation3d-distance")):
         pass

@@ -159,5 +159,5 @@ def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answer
 def test_an_agents_words_on_its_failure_are_quoted_as_its_own(answers: Answers, failed, quoted):
     key = KEYS.telemetry("1")
     answers.expect(0, sample(0))
-    reason = answers.accept(key, SEALER.seal(key, report(0, failed=failed)))
-    assert reason == f"agent 1 failed; it says: {quoted}"
+    failure = answers.accept(key, SEALER.seal(key, report(0, failed=failed)))
+    assert failure == ("1", f"agent 1 failed; it says: {quoted}")

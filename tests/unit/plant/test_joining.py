@@ -51,6 +51,21 @@ def test_an_agent_lost_before_the_run_began_is_given_up_after_a_while():
     assert joining.gone_for(4.0) == ["1"]
 
 
+def test_an_agent_that_reports_a_failure_and_leaves_is_lost_with_its_reason_once(joining: Joining):
+    assert joining.on_failure("1", "agent 1 failed") == "agent 1 failed", "the run needs it"
+    joining = Joining(swarm_of_scenario("unicycles"), may_leave=True)
+    token, other = KEYS.alive("1", joining.digest), KEYS.alive("2", joining.digest)
+    joining.on_token(token, True)
+    joining.on_token(other, True)
+    assert joining.on_failure("1", "agent 1 failed") is None
+    assert joining.take_changes() == [], "it is still there"
+    for alive in (False, True, False):
+        joining.on_token(token, alive)
+    joining.on_token(other, False)
+    lost, back = (0, False, "agent 1 failed"), (0, True, "")
+    assert joining.take_changes() == [lost, back, (0, False, ""), (1, False, "")]
+
+
 @pytest.mark.parametrize("key", ["phalanx/run/alive/*/x", "phalanx/**", "1", KEYS.alive("9", "x")])
 def test_tokens_of_no_agent_are_ignored(joining: Joining, key: str):
     assert joining.on_token(key, True) is None

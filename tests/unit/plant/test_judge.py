@@ -159,6 +159,12 @@ def test_an_agent_that_is_out_of_reach_is_silent_until_it_is_back():
     lost, back = "agent 1 is lost; its actuator holds its input", "agent 1 is back"
     assert texts(*judged) == [lost, back]
     assert counted(judge, "faithful agents") == (1, 1, 0.1)
+    (judged,) = happen(judge, MemberLost(1, 0.3, back=False, why="it says: hung"))
+    assert texts(judged) == ["agent 2 is lost (it says: hung); its actuator holds its input"]
+    assert judge.findings().lost == [
+        "agent 1 at t = 0.100 s",
+        "agent 2 at t = 0.300 s (it says: hung)",
+    ]
 
 
 CONVICTED = {"convictions": (Conviction(1, 0.0, 0.01, 2.0),)}

@@ -53,10 +53,10 @@ class OnTheWall:
         del self._coming[i]
         return np.zeros(2)
 
-    def take_changes(self) -> list[tuple[int, bool]]:
+    def take_changes(self) -> list[tuple[int, bool, str]]:
         due = [c for c in self.changes if c[0] <= self.wall - 100.0]
         self.changes = [c for c in self.changes if c not in due]
-        return [(i, back) for _, i, back in due]
+        return [(i, back, "") for _, i, back in due]
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         return report(k)
