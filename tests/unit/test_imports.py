@@ -118,13 +118,13 @@ BUDGET: Mapping[str, int] = {
     "cli": 1455,
     "explain": 810,
     "faults": 1030,
-    "guarantee": 2700,
+    "guarantee": 2705,
     "knowledge": 1545,
     "launcher": 2320,
     "messages": 915,
     "native": 300,
     "network": 1410,
-    "plant": 5145,
+    "plant": 5165,
     "pytest": 340,
     "recording": 2325,
     "report": 2010,
@@ -323,7 +323,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_970)]
+    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_990)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -64,3 +64,10 @@ def test_a_broken_link_is_found(tmp_path):
 def test_a_path_that_is_gone_is_found(tmp_path):
     (tmp_path / "a.md").write_text("`phalanx/wire/` `python bench/gone.py --seeds 2` `runs/a`\n")
     assert missing(tmp_path / "a.md") == ["bench/gone.py"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_shows_a_file_by_a_line_that_the_site_reads(page):
+    """Ruff formats a line that includes a file, in a block of Python, into one that does not."""
+    lines = [line for line in page.read_text(encoding="utf-8").splitlines() if "--8" in line]
+    assert all(re.fullmatch(r'--8<-- "[\w./-]+"', line) for line in lines)
