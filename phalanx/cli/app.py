@@ -7,6 +7,7 @@ from typer.main import get_command, get_command_name
 
 from phalanx.cli.check import check, compile_scenario
 from phalanx.cli.conformance import conform
+from phalanx.cli.jobs import Job, group_by_job
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant
@@ -25,15 +26,13 @@ from phalanx.schema.extensions import (
 )
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
-_PROGRAMS = "Programs of a run"
-_HELP = """Robot swarms that stay safe over a bad network while some of their members attack.
-
-    [bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the plant
-    is a process of its own, and they meet over Zenoh.
-
-    Exit status: 0 guaranteed or safe (1 for safe with --strict), 2 violated, 3 the run broke,
-    64 wrong usage or scenario, 130 stopped by Ctrl-C or SIGTERM.
-    """
+_HELP = (
+    "Robot swarms that stay safe over a bad network while some of their members attack.\n\n"
+    "[bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the "
+    "plant is a process of its own, and they meet over Zenoh.\n\n"
+    "Exit status: 0 guaranteed or safe (1 for safe with --strict), 2 violated, 3 the run broke, "
+    "64 wrong usage or scenario, 130 stopped by Ctrl-C or SIGTERM."
+)
 
 
 def core() -> typer.Typer:
@@ -42,16 +41,16 @@ def core() -> typer.Typer:
         no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
     )
     app.callback()(options)
-    app.command()(run)
-    app.command()(check)
-    app.command("compile")(compile_scenario)
-    app.command()(scenarios)
-    app.command()(runs)
-    app.command()(verify)
-    app.command(rich_help_panel=_PROGRAMS)(plant)
-    app.command(rich_help_panel=_PROGRAMS)(agent)
+    app.command(rich_help_panel=Job.RUN)(run)
+    app.command(rich_help_panel=Job.RUN)(scenarios)
+    app.command("compile", rich_help_panel=Job.RUN)(compile_scenario)
+    app.command(rich_help_panel=Job.LOOK)(runs)
+    app.command(rich_help_panel=Job.CHECK)(check)
+    app.command(rich_help_panel=Job.CHECK)(verify)
+    app.command(rich_help_panel=Job.DEPLOY)(plant)
+    app.command(rich_help_panel=Job.DEPLOY)(agent)
     settings = {"allow_interspersed_args": False}  # what follows is the program's
-    app.command("test-agent", rich_help_panel=_PROGRAMS, context_settings=settings)(conform)
+    app.command("test-agent", rich_help_panel=Job.EXTEND, context_settings=settings)(conform)
     return app
 
 
@@ -65,6 +64,7 @@ def extended() -> typer.Typer:
             _extend(app, entry)
         except (Exception, SystemExit) as error:  # another package's code
             echo_error(f"cannot load the commands {entry.name!r} of {entry.package}: {error}")
+    group_by_job(app)
     return app
 
 

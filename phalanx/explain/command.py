@@ -6,13 +6,14 @@ from typing import Annotated
 import typer
 from msgspec.structs import asdict
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import RunArgument, Trust
 from phalanx.guarantee.verdict import Deadlock
 from phalanx.launcher.streams import echo
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(explain)
+    app.command(rich_help_panel=Job.CHECK)(explain)
 
 
 def explain(

@@ -5,13 +5,14 @@ from typing import Annotated
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import RunArgument, Trust
 from phalanx.launcher.streams import echo
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(report)
-    app.command()(animate)
+    app.command(rich_help_panel=Job.LOOK)(report)
+    app.command(rich_help_panel=Job.LOOK)(animate)
 
 
 def report(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import Overrides
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
@@ -36,7 +37,7 @@ Draw = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command()(study)
+    app.command(rich_help_panel=Job.STUDY)(study)
 
 
 def study(

@@ -7,6 +7,7 @@ import typer
 
 from phalanx.cli import option_checks as checks
 from phalanx.cli import options
+from phalanx.cli.jobs import Job
 from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
@@ -63,10 +64,10 @@ def live_membership(
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(view)
-    app.command()(export)
+    app.command(rich_help_panel=Job.LOOK)(view)
+    app.command(rich_help_panel=Job.LOOK)(export)
     alone = "Run the viewer alone, as plant and agents are run in containers and on many hosts."
-    app.command("viewer", help=alone, rich_help_panel="Programs of a run")(view)
+    app.command("viewer", help=alone, rich_help_panel=Job.DEPLOY)(view)
 
 
 def view(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import Overrides
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command()(attack)
+    app.command(rich_help_panel=Job.STUDY)(attack)
 
 
 def attack(

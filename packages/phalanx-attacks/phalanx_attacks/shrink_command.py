@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.files import whole_file
 from phalanx.launcher.streams import echo, echo_error
 
@@ -13,8 +14,8 @@ _ENGINES = ("in-process", "processes")
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command()(shrink)
-    app.command()(replay)
+    app.command(rich_help_panel=Job.STUDY)(shrink)
+    app.command(rich_help_panel=Job.STUDY)(replay)
 
 
 def shrink(

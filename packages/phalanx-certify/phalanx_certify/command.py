@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import RunArgument, Trust
 from phalanx.launcher.streams import echo, echo_error
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command()(certify)
+    app.command(rich_help_panel=Job.CHECK)(certify)
 
 
 def certify(run: RunArgument, trust: Trust = False) -> int:

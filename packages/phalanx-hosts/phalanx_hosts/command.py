@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.option_checks import identity_for, require_endpoint, require_hosts, require_number
 from phalanx.cli.options import (
     Insecure,
@@ -28,8 +29,8 @@ log = logging.getLogger("phalanx.router")
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command(rich_help_panel="Programs of a run")(keys)
-    app.command(rich_help_panel="Programs of a run")(router)
+    app.command(rich_help_panel=Job.DEPLOY)(keys)
+    app.command(rich_help_panel=Job.DEPLOY)(router)
 
 
 def _require_endpoints(endpoints: list[str] | None) -> list[str] | None:

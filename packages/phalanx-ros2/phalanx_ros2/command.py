@@ -5,13 +5,14 @@ from typing import Annotated
 import typer
 from phalanx_viewer.commands import LiveRun, RunOrRecording, live_membership
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.option_checks import require_endpoint, require_here, require_timeout
 from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret, Trust
 from phalanx.launcher.streams import echo_error
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(ros2)
+    app.command(rich_help_panel=Job.DEPLOY)(ros2)
 
 
 def ros2(

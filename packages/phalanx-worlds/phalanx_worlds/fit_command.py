@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import Trust
 from phalanx.launcher.streams import echo
 
@@ -29,7 +30,7 @@ _ROUNDED_UP = Context(prec=4, rounding=ROUND_CEILING)
 
 def register(app: typer.Typer) -> None:
     """Add the group."""
-    app.add_typer(commands, name="fit")
+    app.add_typer(commands, name="fit", rich_help_panel=Job.STUDY)
 
 
 @commands.command()

@@ -1,12 +1,15 @@
 """Commands of other packages, and what the core asks of extensions: found by entry points."""
 
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
 from phalanx.cli import app
-from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.cli.app import USAGE_ERROR, extended, status
+from phalanx.cli.jobs import Job
 from phalanx.schema import extensions
 from phalanx.schema.extensions import MissingExtensionError, extension
 
@@ -43,7 +46,26 @@ def test_another_packages_command_is_one_of_phalanx(install, capsys):
     assert status(["greet", "Ada"]) == 0
     assert capsys.readouterr().out == "good day, Ada\n"
     assert status(["--help"]) == 0
-    assert "Greet somebody." in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "Greet somebody." in printed.partition(Job.PACKAGES)[2]
+
+
+def test_every_command_is_under_its_job_in_the_help_in_the_order_of_jobs(capsys):
+    panels = {name: one.rich_help_panel for name, one in get_command(extended()).commands.items()}
+    assert {name for name, job in panels.items() if job not in set(Job) - {Job.PACKAGES}} == set()
+    assert panels["run"] == Job.RUN
+    assert panels["fit"] == Job.STUDY
+    assert panels["certify"] == Job.CHECK
+    assert status(["--help"]) == 0
+    titles = re.findall(r"^╭─ (.*?) ─+╮$", capsys.readouterr().out, re.MULTILINE)
+    assert titles == ["Options", *(job for job in Job if job != Job.PACKAGES)]
+
+
+def test_a_panel_of_another_packages_comes_last(install, capsys):
+    source = GREET.replace("command()", "command(rich_help_panel='Courtesy')")
+    install("greeting", source, "[phalanx.commands]\ngreet = greeting:register\n")
+    assert status(["--help"]) == 0
+    assert re.findall(r"^╭─ (.*?) ─", capsys.readouterr().out, re.MULTILINE)[-1] == "Courtesy"
 
 
 def test_a_package_that_cannot_be_imported_is_named_and_keeps_no_other_command_from_running(
