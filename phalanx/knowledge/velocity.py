@@ -57,7 +57,7 @@ class VelocityMotion:
     @cached_property
     def tracking(self) -> Tracking:
         """Gain K, and the tube around a reference. Raises ValueError if φ' is too large."""
-        pushed = self.disturbance + 0.5 * self.turning * _fastest(self.velocities) * self.longest
+        pushed = self.disturbance + 0.5 * self.turning * self.fastest * self.longest
         gain, error = 1.0 / self.longest, self.position_error
         if error > 0.0:
             gain = min(gain, sqrt(pushed / (2.0 * error * _PRICE)))
@@ -76,6 +76,11 @@ class VelocityMotion:
     def inputs(self) -> Polytope:
         """The velocities that tracking leaves to the reference, at heading 0."""
         return polytope(self.velocities.A, self.velocities.b - self.reserve)
+
+    @cached_property
+    def fastest(self) -> float:
+        """s: bound on the norm of the velocity without φ [m/s]."""
+        return _fastest(self.velocities)
 
     @cached_property
     def authority(self) -> float:

@@ -1,0 +1,78 @@
+"""The rule of commitments: apply an input only if the fallback after it is clear of all others.
+
+*Theorem.* At t = 0 the tubes T of all normal agents, with zero input to their first samples, are R
+apart, and clear of obstacles. Then, if all keep the rule, they stay so for ever, for all seeds,
+laws, filters, losses, delays and orders of samples, and all disturbances within bounds.
+*Proof.* Between samples a tube only shrinks. An agent i that applies an input has its new tube
+clear of W_j(x_j) of each other j, which contains what j is committed to, whatever that is. An agent
+that does not, keeps a part of the tube that it had. Of two that sample together, the W of each
+contains all that the other may choose. No step needs the solution of a program. ∎
+
+*Passively*: T is also R from A_o, of every other member o, until i's reference is at rest. So i
+hits no other while it moves by itself, whatever attacks; once it stands another may come.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.promise.capsules import Capsules
+from phalanx.promise.hold import Fallback, Reference, continued, started, tracked
+from phalanx.theory.arrays import Array
+from phalanx.theory.safety.obstacles import Obstacle
+
+
+class Room(NamedTuple):
+    """The distance that a tube has to spare, below 0 where it is too near [m]."""
+
+    peers: Array
+    """From W of each other normal agent, for ever."""
+    members: Array
+    """From A of each other member, until the agent stands."""
+    obstacles: Array
+
+    @property
+    def least(self) -> float:
+        """The smallest [m]; infinite if there is no other."""
+        return float(np.concatenate(self).min(initial=np.inf))
+
+
+class Commitment:
+    """One agent's rule: what it follows, and the fallback that it has in hand."""
+
+    reference: Reference | None
+    """The fallback that it follows; None after an input of its filter."""
+
+    def __init__(self, fallback: Fallback, radius: float, obstacles: Sequence[Obstacle]) -> None:
+        """radius: R, the required distance of output points [m]."""
+        self.fallback, self._radius, self._obstacles = fallback, radius, obstacles
+        self.reference = None
+        self._next: Reference | None = None
+        """The fallback's at the last sample."""
+
+    def fallback_input(self, t: float, x: Array) -> Array:
+        """Return the fallback's input at a sample, of the point x = (p, v); shape (axes,)."""
+        motion, reference = self.fallback.motion, self.reference
+        self._next = started(motion, t, x) if reference is None else continued(motion, reference, t)
+        return tracked(motion, self._next, x)
+
+    def room(self, x: Array, u: Array, peers: Capsules, members: Capsules) -> Room:
+        """Return the room of the tube after the input u, shape (axes,).
+
+        Args:
+            x: the sampled point.
+            u: the input to judge.
+            peers: W of each other normal agent.
+            members: A of each other member, within `rest_time(x, u)` of the fallback.
+        """
+        tube = self.fallback.tube(x, u)
+        return Room(
+            tube.gaps(peers) - self._radius,
+            tube.gaps(members) - self._radius,
+            tube.gaps_to(self._obstacles),
+        )
+
+    def follow(self, accepted: bool) -> None:
+        """Go on with the input that was accepted, or with the fallback of the last sample."""
+        self.reference = None if accepted else self._next
