@@ -12,7 +12,7 @@ from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant
 from phalanx.cli.run import run
-from phalanx.cli.runs import runs, scenarios, verify
+from phalanx.cli.runs import runs, scenarios, schema, verify
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 from phalanx.schema.extensions import (
@@ -49,6 +49,7 @@ def core() -> typer.Typer:
     app.command(rich_help_panel=Job.CHECK)(verify)
     app.command(rich_help_panel=Job.DEPLOY)(plant)
     app.command(rich_help_panel=Job.DEPLOY)(agent)
+    app.command(rich_help_panel=Job.EXTEND)(schema)
     settings = {"allow_interspersed_args": False}  # what follows is the program's
     app.command("test-agent", rich_help_panel=Job.EXTEND, context_settings=settings)(conform)
     return app

@@ -1,5 +1,6 @@
-"""phalanx scenarios, runs and verify: list scenarios, list runs, and repeat a run."""
+"""phalanx scenarios, schema, runs and verify: what a scenario may say, list and repeat runs."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +30,20 @@ def scenarios() -> int:
         table.add_row(name, agents, f"{scenario.duration:g} s", scenario.description)
     Console().print(table)
     echo("agents: normal + adversary. Run one with: phalanx run NAME")
+    return 0
+
+
+def schema() -> int:
+    """Print the JSON Schema of a scenario file, by which editors complete and check it.
+
+    Example:
+
+      phalanx schema > scenario.schema.json
+    """
+    from phalanx.scenario.model import Scenario
+    from phalanx.schema.json_schema import json_schema
+
+    echo(*json.dumps(json_schema(Scenario), indent=1).splitlines())
     return 0
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from phalanx.network.delay import (
     ConstantDelay,
@@ -40,6 +40,7 @@ from phalanx.schema.fields import (
     field_error,
     number_or_table,
 )
+from phalanx.schema.json_schema import OfKind
 
 
 def _alternative(**by_field: str) -> Callable[[Any], str]:
@@ -88,13 +89,13 @@ class LinkTable(Strict):
     """Probability of a flipped byte."""
     reorder: Reorder | None = None
     """{ probability, gap }: messages that are not delayed."""
-    trace: Trace | None = None
+    trace: Annotated[Trace, WithJsonSchema({"type": ["string", "object"]})] | None = None
     """Path of a CSV with delays that were measured: columns t and delay [s], empty if lost."""
     rate: Rate | None = None
     """{ bits_per_second, size, limit }: a queue."""
     slot: Positive | None = None
     """Delivery at the end of slots of this duration [s]."""
-    rules: tuple[Table, ...] = ()
+    rules: tuple[Annotated[Table, OfKind(Rule)], ...] = ()
     """Rules of your own, each { type = "package.module:Name", ... }, after all others."""
 
     @model_validator(mode="before")

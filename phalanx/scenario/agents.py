@@ -4,7 +4,15 @@ from functools import cached_property, partial
 from typing import Annotated, Any, Literal, Self
 
 import casadi as ca
-from pydantic import ConfigDict, Field, PrivateAttr, RootModel, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    RootModel,
+    field_validator,
+    model_validator,
+)
 
 from phalanx.faults.fault import AgentFacts
 from phalanx.schema.fields import (
@@ -19,6 +27,7 @@ from phalanx.schema.fields import (
     built,
     field_error,
 )
+from phalanx.schema.json_schema import OfKind, Schema
 from phalanx.schema.registry import is_users
 from phalanx.schema.user_code import names_user_code, require_program
 from phalanx.theory.expressions.cache import cached, cached_for
@@ -28,7 +37,7 @@ from phalanx.theory.laws.law import Controller, Law
 from phalanx.theory.models.dynamics import Dynamics, require_sound
 
 
-class GoalField(RootModel[Table]):
+class GoalField(RootModel[Annotated[Table, OfKind(Reference)]]):
     """An agent's goal: { type = "path", points, speed }, for example, or a point [x, y]."""
 
     model_config = ConfigDict(frozen=True)
@@ -51,6 +60,10 @@ class GoalField(RootModel[Table]):
         """Build the reference that the table describes; it is one agent's own."""
         found: Reference = built(REFERENCE, Reference, self.root)
         return found
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> Schema:
+        return {"anyOf": [{"type": "array", "items": {"type": "number"}}, handler(core)]}
 
     @property
     def axes(self) -> int | None:
@@ -127,11 +140,11 @@ class AgentGroup(Strict):
     count: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Number of agents, instead of names; a resolved scenario has names."""
     role: Literal["normal", "adversary"]
-    dynamics: Table
+    dynamics: Annotated[Table, OfKind(Dynamics)]
     """For example { type = "unicycle", speed = 4.0, turn_rate = 2.0 }."""
-    law: Table
+    law: Annotated[Table, OfKind(Law)]
     """A normal agent's nominal law, or an adversary's attack."""
-    controller: Table | None = None
+    controller: Annotated[Table, OfKind(Controller)] | None = None
     """What makes a normal agent's input, for example { type = "cbf-qp" }; default: the paper's
     filter."""
     program: tuple[str, ...] = ()

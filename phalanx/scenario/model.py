@@ -19,6 +19,7 @@ from pydantic import (
     Tag,
     model_validator,
 )
+from pydantic.json_schema import SkipJsonSchema
 
 from phalanx.faults.fault import RunFacts
 from phalanx.network.table import Network
@@ -43,6 +44,7 @@ from phalanx.schema.fields import (
     built,
     field_error,
 )
+from phalanx.schema.json_schema import OfKind
 from phalanx.schema.notebook import html_table
 from phalanx.seeded.draws import Seeds
 from phalanx.theory.laws.formation import Formation
@@ -79,7 +81,7 @@ ObstacleField = Annotated[
 ]
 
 
-class LimitField(RootModel[Table]):
+class LimitField(RootModel[Annotated[Table, OfKind(Limit)]]):
     """A [[limits]] table and its Limit."""
 
     model_config = ConfigDict(frozen=True)
@@ -158,7 +160,7 @@ class Scenario(Strict):
     """Conditions of every normal agent alone, such as { type = "fence", center, radius }."""
     scatter: Scatter | None = None
     """Obstacles drawn at random; a resolved scenario has them in `obstacles` instead."""
-    world: Table | None = None
+    world: Annotated[Table, OfKind(World)] | None = None
     """Simulator of the robots, { type = "package.module:Name", ... }; default: the agents' declared
     dynamics with drawn disturbances."""
     agents: Annotated[tuple[AgentGroup, ...], Field(min_length=1)]
@@ -168,7 +170,7 @@ class Scenario(Strict):
     attack: Attack | None = None
     """The knobs of a search for attacks (`phalanx attack`); a run does not use them."""
 
-    reading: Reading | None = None
+    reading: SkipJsonSchema[Reading | None] = None
     """None if load did not read the scenario from a file."""
 
     @model_validator(mode="after")

@@ -19,6 +19,7 @@ from phalanx.schema.fields import (
     field_error,
     number_or_table,
 )
+from phalanx.schema.json_schema import OfKind, one_of
 from phalanx.schema.registry import is_users, lookup
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.margins.margin import Margin, MarginConstants
@@ -28,11 +29,11 @@ from phalanx.theory.safety.function import HeadingAware, SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
 ClassKField = Annotated[
-    Annotated[Positive, Tag(NUMBER)] | Annotated[Table, Tag(TABLE)],
+    Annotated[Positive, Tag(NUMBER)] | Annotated[Table, OfKind(ClassK), Tag(TABLE)],
     Discriminator(number_or_table),
 ]
 MarginField = Annotated[
-    Annotated[str, Tag(WORD)] | Annotated[Table, Tag(TABLE)],
+    Annotated[str, one_of(Margin), Tag(WORD)] | Annotated[Table, OfKind(Margin), Tag(TABLE)],
     Discriminator(lambda value: TABLE if isinstance(value, dict) else WORD),
 ]
 
@@ -40,7 +41,7 @@ MarginField = Annotated[
 class Safety(Strict):
     """The safe set and the controller's options."""
 
-    function: Table
+    function: Annotated[Table, OfKind(SafeSetFunction)]
     """h of pairs, for example { type = "separation", radius = 1.0 }."""
     rho: Positive
     """ρ of LSE."""
@@ -62,7 +63,7 @@ class Safety(Strict):
     """The margin η as a number, or the constants of Lemma (constants) to compute it from."""
     xi: NonNegative = 0.0
     """ξ of Eq. (xi); used if q > 1 and the margin is paper or corrected."""
-    information: str = "split"
+    information: Annotated[str, one_of(Information)] = "split"
     """Assumption about the other normal agents' inputs."""
     silence: Positive = 1.0
     """A normal agent without a received broadcast for longer counts as an adversary [s]."""

@@ -114,7 +114,7 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     """
     if "type" not in table:
         raise ValueError(f"expected a field type, {_choices(kind)}")
-    checked = _validated(lookup(kind, str(table["type"])))
+    checked = validated(lookup(kind, str(table["type"])))
     fields = {key: value for key, value in table.items() if key != "type"}
     for field in dataclasses.fields(checked):
         if field.type is Law and isinstance(fields.get(field.name), Mapping):
@@ -171,12 +171,16 @@ def _plain(cls: type, field: str, value: Any) -> Any:
 
 
 def _choices(kind: type) -> str:
-    names = {**BUILT_IN.get(kind, {}), **PACKAGES.get(kind, {}), **_installed(kind)}
-    return f"one of {', '.join(names)} or package.module:Name"
+    return f"one of {', '.join(registered(kind))} or package.module:Name"
+
+
+def registered(kind: type) -> Mapping[str, str]:
+    """Return all short names of classes of a kind, with where each is or its package."""
+    return {**BUILT_IN.get(kind, {}), **PACKAGES.get(kind, {}), **_installed(kind)}
 
 
 @cache
-def _validated(cls: type) -> Any:
+def validated(cls: type) -> Any:
     """Return the dataclass with its fields validated on construction."""
     forbid = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=True)
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]

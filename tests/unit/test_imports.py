@@ -116,7 +116,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
     "agent": 1220,
-    "cli": 1485,
+    "cli": 1505,
     "explain": 810,
     "faults": 1030,
     "guarantee": 2705,
@@ -124,14 +124,14 @@ BUDGET: Mapping[str, int] = {
     "launcher": 2320,
     "messages": 915,
     "native": 300,
-    "network": 1410,
+    "network": 1415,
     "plant": 5165,
     "promise": 440,
     "pytest": 340,
     "recording": 2325,
     "report": 2010,
-    "scenario": 1630,
-    "schema": 850,
+    "scenario": 1640,
+    "schema": 945,
     "seeded": 180,
     "studies": 2130,
     "swarm": 1995,
@@ -325,7 +325,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_210), ("phalanx.launcher.simulation", 21_990)]
+    ("program", "most"), [("phalanx_agent.main", 15_225), ("phalanx.launcher.simulation", 22_100)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())
