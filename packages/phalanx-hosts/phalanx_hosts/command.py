@@ -119,7 +119,7 @@ def router(
     connect to one another, each near some of the agents; each forwards messages to the others.
 
       phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
-      phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
+      phalanx router --scenario unicycles --run r1 --connect tls/router.example.org:7447
     """
     from phalanx.launcher.programs import configure_logging
     from phalanx.messages.admission import admission
