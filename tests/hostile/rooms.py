@@ -61,6 +61,6 @@ ROOMS = {
     ),
     "cli-status": Room(
         ("phalanx/cli/*.py", "phalanx/launcher/verify.py", "phalanx/launcher/interrupt.py"),
-        "tests/unit/cli tests/unit/launcher",
+        "tests/unit/cli tests/unit/launcher tests/process/verdicts/test_check_command.py",
     ),
 }  # fmt: skip

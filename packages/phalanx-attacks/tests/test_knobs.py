@@ -100,6 +100,7 @@ def test_a_fault_is_one_of_all_that_its_numbers_can_choose():
 def test_within_changes_nothing_that_voids_a_guarantee():
     found = preset("within", load("unicycles"))
     assert set(found["faults"]["kinds"]) == {"lie", "loss", "hold", "partition"}
+    assert found["faults"]["most"] == 1
     assert {path.split(".")[2] for path in found["vary"]} == {"law", "disturbance"}
     assert "faults" not in preset("within", load("guaranteed"))  # its rows use no received input
 

@@ -4,10 +4,12 @@ import re
 from pathlib import Path
 
 import pytest
-from phalanx_attacks.minimise import differences, smallest, stated
+from phalanx_attacks.minimise import _sides, differences, smallest, stated
+from phalanx_attacks.robustness import nearest
 
 from phalanx.cli.app import status
 from phalanx.guarantee.start import promised
+from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
@@ -72,12 +74,22 @@ def test_an_attack_is_shrunk_into_a_file_that_states_its_run(tmp_path: Path, cap
     assert read_table(small)["agents"][1]["names"] == ["2"]
     text = small.read_text(encoding="utf-8")
     assert "adversary 2" in text
+    assert nearest(build_swarm(load(small)))[0] >= 1.8, "it was 1.826 m"
     assert f"Run it: phalanx run {small}" in text
     promise = promised(build_swarm(load(small))).time
     stated_promise = float(re.search(r"promises safety for (\d+\.\d+) s", text)[1])
     assert promise - 1e-3 < stated_promise <= promise
     assert status(["shrink", str(small), "--attacked", str(attack)]) == 0
     assert "# Verdict: violated" in capsys.readouterr().out
+
+
+def test_a_violations_two_sides_are_those_of_its_own_pair() -> None:
+    """Other pairs stand before and after it, with names before and after its own."""
+    swarm = build_swarm(load("guaranteed"))
+    for pair, roles in (("2-obstacle 1", ["normal", "other"]), ("2-4", ["normal", "adversary"])):
+        sides = _sides(swarm, Violation(pair, 0.0, 0.1, 0.0, 0.1, 1, 0.0, None))
+        assert [side.role for side in sides] == roles
+        assert "-".join(side.label for side in sides) == pair
 
 
 def test_what_is_not_violated_is_not_shrunk() -> None:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from phalanx_attacks.shrinking import Fields, ddmin, shrink, size_of
@@ -105,6 +106,17 @@ def test_what_is_left_of_an_attack_is_what_it_needs():
         "seed": 0,
     }
     assert size_of(small) < size_of(attack()) / 2
+
+
+@pytest.mark.parametrize(("off", "rounded"), [(1.0, 8.0), (0.1, 8.5), (0.01, 8.47), (0.001, 8.472)])
+def test_a_number_is_rounded_as_far_as_it_still_fails(off, rounded):
+    def near(table: Fields) -> float | None:
+        starts = [start for group in table["agents"] for start in group.get("start", ())]
+        return 1.0 if any(abs(x - 8.47173) < off for (x,) in starts) else None
+
+    table = {**ORIGIN, "agents": [ORIGIN["agents"][0], {**ORIGIN["agents"][1], "names": ["5"]}]}
+    table["agents"][1]["start"] = [[8.47173]]
+    assert shrink(table, ORIGIN, near)["agents"][-1]["start"] == [[rounded]]
 
 
 def test_it_is_the_same_again_and_shrinks_no_further():

@@ -3,9 +3,13 @@
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from phalanx.cli.app import status
+from phalanx.cli.conformance import _gaps
+from phalanx.scenario.agents import Clock
+from tests.unit.report.recordings import step, swarm_in_space
 
 CARTS = Path(__file__).parents[3] / "examples" / "programs"
 LOOP = "import sys, time, os\nfor line in sys.stdin:\n    "
@@ -42,6 +46,18 @@ def test_a_mistake_is_named(name: str, capsys: pytest.CaptureFixture[str]) -> No
     assert status(["test-agent", sys.executable, "-c", LOOP + does]) == 1
     # On a busy machine an answer may be late too.
     assert any(says in line for line in capsys.readouterr().out.splitlines())
+
+
+def test_by_the_wall_clock_a_gap_between_samples_says_how_late_an_answer_came():
+    """Half a period of 16 ms and 2 ms of jitter are no delay; the other agent does not count."""
+    scenario = swarm_in_space(2, 0, {})
+    steps = [
+        msgspec.structs.replace(step(scenario, ("n0", "n1"), i, 0), t=t)
+        for i, t in ((0, 0.0), (1, 0.5), (0, 0.03125), (1, 0.75), (0, 0.125))
+    ]
+    clock = Clock(period=0.015625, jitter=0.001953125)
+    gaps = [gap + 0.009765625 for gap in _gaps(steps, "n0", clock)]
+    assert gaps == [0.03125, 0.09375]
 
 
 BY_ZENOH = f"""

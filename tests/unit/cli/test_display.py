@@ -9,6 +9,7 @@ from rich.console import Console
 
 import phalanx
 from phalanx.cli import display
+from phalanx.guarantee.verdict import FaultCount
 from phalanx.messages.kinds import Status
 from tests.unit.report.recordings import summary_of
 
@@ -75,6 +76,33 @@ def test_what_is_refused_before_it_begins_shows_no_bar(screen):
     with display.progress(phalanx.load("formation3d-distance")):
         pass
     assert screen.getvalue() == ""
+
+
+def test_a_summary_names_all_that_failed_was_unsafe_or_never_happened(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
+    faults = [FaultCount("network.loss", n) for n in (0, 1, 2)]
+    summary = msgspec.structs.replace(summary_of(phalanx.load("unicycles")), faults=faults)
+    display.print_summary(summary, {"task": "arrived", "waiting": ""})
+    rows = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for row in (
+        "verdict violated",
+        "certificates failed 3 of 120",
+        "of the theorem: non-empty K_i failed 24 of 120",
+        "violated 1-4: h up to 0.25 at t = 0.300 s, 0.150 s from t = 0.200 s to 0.350 s",
+        "fault: network.loss never had an effect",
+        "fault: network.loss once",
+        "fault: network.loss 2 times",
+        "task arrived",
+    ):
+        assert row in rows
+    assert not [row for row in rows if row.startswith("waiting")]
+
+
+def test_a_bar_of_runs_is_gone_when_they_are_done(screen):
+    with display.progress_of_runs(4) as show:
+        show("cma-es", 4, "all safe")
+    assert "cma-es" in screen.getvalue()
+    assert screen.getvalue().endswith("\r\x1b[1A\x1b[2K")
 
 
 @pytest.mark.parametrize(("every", "lines"), [(1e6, 1), (0.0, 5)])

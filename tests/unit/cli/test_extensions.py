@@ -97,6 +97,22 @@ def test_a_package_that_breaks_when_it_registers_keeps_no_other_command_from_run
     assert "recording" in printed
 
 
+def test_an_installation_without_our_own_extensions_is_said_to_be_incomplete(capsys, monkeypatch):
+    monkeypatch.setattr(app, "commands", list)
+    assert status(["certify", "a"]) == 3
+    assert "no commands of extensions are registered: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("error", ["MemoryError", "ImportError", "SystemError"])
+def test_a_library_that_cannot_be_loaded_ends_a_command_with_the_status_of_a_failure(
+    error, install, capsys
+):
+    broken = GREET.replace("        return 0", f"        raise {error}('libx')")
+    install("greeting", broken, "[phalanx.commands]\ngreet = greeting:register\n")
+    assert status(["greet", "Ada"]) == 3
+    assert "too little memory, or a broken installation: libx" in capsys.readouterr().err
+
+
 def test_what_the_core_brings_looks_for_no_extension(install, capsys, tmp_path):
     install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
     assert status(["runs", str(tmp_path)]) == 3

@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.cli.option_checks import require_timeout
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 REFUSED = [
@@ -30,6 +32,7 @@ REFUSED = [
     ("plant --scenario worlds/ros2-robots --run r --set world.router=tcp/a:7447", "--insecure"),
     ("run unicycles --listen tcp/127.0.0.1:99999", "'--listen'"),
     ("run unicycles --listen nonsense", "'--listen'"),
+    ("run unicycles --dry-run", "--dry-run: expected a world of robots"),
     ("run unicycles --set network.loss", "--set network.loss"),
     ("run unicycles --set network.loss=2", "network.loss: expected"),
     ("run nobody", "nobody: no such scenario"),
@@ -93,6 +96,13 @@ def test_it_is_refused_in_a_line_and_nothing_is_made(tmp_path, monkeypatch, caps
     assert len(lines) == 1
     assert named in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_wait_may_be_none_and_as_long_as_a_million_seconds():
+    assert [require_timeout(wait) for wait in (None, 0.0, 0.5, 1e6)] == [None, 0.0, 0.5, 1e6]
+    for wait in (-0.5, 1e6 + 1.0, float("nan")):
+        with pytest.raises(typer.BadParameter, match=r"expected 0 to 1000000 s, got "):
+            require_timeout(wait)
 
 
 def test_an_empty_argument_is_refused_with_its_place(capsys):

@@ -8,8 +8,11 @@ import pytest
 
 from phalanx.cli import run as command
 from phalanx.cli.app import status
+from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.live import announced
+from phalanx.launcher.run import run
 from phalanx.messages.membership import Membership
+from phalanx.scenario.load import load
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
@@ -26,7 +29,8 @@ def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
     (folders[2] / "summary.json").write_bytes(ended[:20])
     with announced(folders[3], Membership("r", "tcp/127.0.0.1:7447", secret=b"s" * 16)):
         assert status(["runs", str(tmp_path)]) == 0
-    _, live, cut, old, new = capsys.readouterr().out.splitlines()
+    head, live, cut, old, new = capsys.readouterr().out.splitlines()
+    assert head.split() == ["run", "verdict", "time", "seed", "worst", "h", "certified"]
     assert "live-4" in live
     assert "running" in live
     assert "broken: no summary" in cut
@@ -39,6 +43,19 @@ def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
 def test_a_folder_without_runs_says_how_to_make_one(tmp_path, capsys):
     assert status(["runs", str(tmp_path / "none")]) == 3
     assert "no runs in this folder; make one with: phalanx run" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_what_was_cut_short_is_compared_up_to_its_end_and_the_reason_is_said(tmp_path, capsys):
+    whole = run(load("one-on-one", {"duration": 0.05}), engine="in-process")
+    stopped = summary_of(whole.scenario, "by Ctrl-C")
+    stopped = msgspec.structs.replace(stopped, outcome=Outcome.STOPPED)
+    records = [*whole.recording.states[:3], *whole.recording.steps[:4]]
+    record(tmp_path, whole.scenario, records, stopped)
+    assert status(["verify", str(tmp_path), "--engine", "in-process"]) == 0
+    why, result = capsys.readouterr().out.splitlines()
+    assert why.endswith("by Ctrl-C; comparing up to its end")
+    assert result == "bit-identical: 4 steps and 3 states"
 
 
 def printed(scenario: str, out: Path, capsys: pytest.CaptureFixture[str], *sets: str) -> str:

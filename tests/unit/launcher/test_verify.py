@@ -1,13 +1,17 @@
 """Two recordings side by side: every number of the trajectory is compared, and nothing else."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import EngineError, RunOptions, execute
-from phalanx.launcher.verify import first_difference, verify
+from phalanx.launcher.verify import Verification, first_difference, shortened, verify
 from phalanx.recording.read import Recording, read
+from phalanx.recording.records import StepData
 from phalanx.scenario.load import load
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
@@ -96,6 +100,70 @@ def test_a_recording_without_a_state_is_not_the_same_as_anything(tmp_path):
     empty = read(record(tmp_path, scenario, [], summary_of(scenario)))
     with pytest.raises(EngineError, match="holds no state: nothing to compare"):
         verify(empty, engine="in-process")
+
+
+def test_the_earlier_of_two_differences_is_named_and_a_program_if_it_decided(twins):
+    program = ("./robot", "-v 2")
+    first, second = twins
+    groups = [g.model_copy(update={"program": program}) for g in first.scenario.agents[:1]]
+    scenario = first.scenario.model_copy(update={"agents": (*groups, first.scenario.agents[1])})
+    first, second = replace(first, scenario=scenario), replace(second, scenario=scenario)
+    late = next(n for n, step in enumerate(first.steps) if step.agent == "n1" and step.k == 20)
+    second.steps[late].u = (0.5, 0.5, 0.5)
+    blamed = "its program, ./robot '-v 2', is not deterministic"
+    assert blamed in first_difference(first, second)
+    early = next(n for n, state in enumerate(first.states) if state.t > 0.1)
+    second.states[early].x[0] += 1.0
+    assert first_difference(first, second).startswith(f"state {early} ")
+    first.states[early].x[0] += 1.0
+    second.steps[late].u = first.steps[late].u
+    second.steps[late].residual = 1.0
+    assert blamed not in first_difference(first, second)
+    a = next(n for n, step in enumerate(first.steps) if step.agent == "a0")
+    second.steps[a].u = (0.5, 0.5, 0.5)
+    late_state = next(n for n, state in enumerate(first.states) if state.t > 0.3)
+    second.states[late_state].x[0] += 1.0
+    assert first_difference(first, second).startswith(f"step {a}, agent a0")
+    assert "program" not in first_difference(first, second)
+
+
+def test_a_scenario_is_shortened_to_its_last_state_and_never_lengthened():
+    reseed = [{"at": 1.0, "seed": 8}, {"at": 3.0, "seed": 9}]
+    scenario = load("one-on-one", {"reseed": reseed})
+    for t, end, reseedings in ((2.0, 2.0, 1), (scenario.duration, scenario.duration, 2)):
+        short = shortened(scenario, t)
+        assert end <= short.duration <= min(end + 1e-6, scenario.duration)
+        assert len(short.reseed) == reseedings
+
+
+@pytest.mark.parametrize(
+    ("difference", "states", "words"),
+    [
+        (None, 7, "bit-identical: 3 steps and 7 states"),
+        (None, 0, "bit-identical: 3 decisions, each from what the agent was shown"),
+        ("step 2", 7, "differs: step 2"),
+    ],
+)
+def test_it_is_said_what_was_compared(difference, states, words):
+    assert str(Verification(difference, 3, states)) == words
+
+
+@pytest.mark.slow
+def test_decisions_in_real_time_are_made_again_from_what_was_shown(tmp_path):
+    """Take those of a run in lockstep, in which agent 1 turns."""
+    turn = CommandPolicy(schedule=(Command(0.03, CommandKind.TURN, "1"),))
+    scenario = load("one-on-one", {"duration": 0.06, "time.recording_step": 0.0})
+    execute(scenario, tmp_path, RunOptions("in-process", commands=turn))
+    recorded = read(tmp_path)
+    state = {state.t: state.x for state in recorded.states}
+    shown = [
+        StepData(s.agent, s.k, s.t, ["1", "2"], state[s.t], [], s.agent == "1" and s.t >= 0.03)
+        for s in recorded.steps
+    ]
+    again = verify(replace(recorded, step_data=shown))
+    assert (again.difference, again.steps, again.states) == (None, len(shown), 0)
+    shown[-1] = msgspec.structs.replace(shown[-1], x=[0.0, 0.0, 2.0, 0.0])
+    assert f"k = {shown[-1].k}," in verify(replace(recorded, step_data=shown)).difference
 
 
 @pytest.mark.slow

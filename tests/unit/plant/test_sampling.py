@@ -1,5 +1,7 @@
 """Samples as they are taken, and the effect of commands on them."""
 
+import math
+
 import numpy as np
 import pytest
 from phalanx_plant.clock.commands import declared
@@ -90,6 +92,17 @@ def test_a_command_without_effect_calls_no_process():
         taking.apply(kind, 0.1)
     assert taking.processes.calls == []
     assert taking.schedule.tick(1) == 0.0
+
+
+def test_a_clock_that_is_set_back_ticks_again_only_after_the_last_input_is_due():
+    """A period of 10 ms and 2 ms of jitter, an input 4 ms after its sample, and back by 9 ms."""
+    back = [{"kind": "clock", "at": 0.001, "agents": ["2"], "step": -0.009}]
+    swarm = build_swarm(load("unicycles", {"time.latency": 0.004, "faults": back}))
+    schedule = Sampling(swarm).schedule
+    for i, due in ((0, 0.012), (1, math.nextafter(0.004, 1.0))):
+        schedule.sampled(i, 0.0)
+        assert schedule.due(i) == 0.004
+        assert 0.004 < schedule.tick(i) <= due
 
 
 def test_an_agent_takes_no_more_samples_than_its_peers_accept_however_often_it_is_paused():

@@ -1,5 +1,6 @@
 """Information models: received inputs count only while they are in force."""
 
+import numpy as np
 import pytest
 
 from phalanx.network.inbox import AnnouncedInput
@@ -13,6 +14,7 @@ from phalanx.theory.rows.information import (
     Unknown,
     WorstCase,
 )
+from phalanx.theory.rows.safety_filter import FilterInput
 from tests.unit.swarms import rows_of_scenario
 
 PLENTY = InFlight({0: 0.02, 1: 0.008, 2: 0.004}, 1.0)
@@ -42,6 +44,21 @@ def test_a_silent_neighbour_is_counted_on_no_more():
     assert split.sharing(0, {}, 1.1, (0, 1)) == [0]
     assert split.sharing(0, heard, 1.4, (0, 1)) == [0, 1]
     assert split.sharing(0, heard, 1.6, (0, 1)) == [0]
+
+
+@pytest.mark.parametrize("composition", ["lse", "pairs"])
+def test_an_input_that_its_sender_cannot_apply_is_not_believed(composition):
+    """Agent 2, 1.5 m away, says that it leaves at its 4 m/s, or at 4.1 m/s."""
+    rows = rows_of_scenario("faults/hijack", f"safety.composition={composition}")
+    x, seen = np.array([0.0, 0.0, 1.5, 0.0, *[np.nan] * 4]), (0, 1)
+    bounds = []
+    for speed, used in ((4.0, [1]), (4.1, []), (None, [])):
+        received = {} if speed is None else {1: AnnouncedInput(0.0, (speed, 0.0))}
+        terms = rows.terms(0)(x, seen)
+        filtered = rows.filter(0)(FilterInput(0.0, x, seen, terms, np.zeros(2), received))
+        assert filtered.used == used
+        bounds.append(np.ravel(filtered.rows.bound).tolist())
+    assert bounds[0] > bounds[1] == bounds[2]
 
 
 @pytest.mark.parametrize("model", [InFlight, Paper, Split, WorstCase, Unknown, Together])
