@@ -104,7 +104,9 @@ def take(browser: "Browser", shot: Shot, folder: Path) -> None:
     try:
         with opened(browser, port, shot.size) as tab:
             if shot.dark:
-                tab.get_by_role("checkbox", name="Dark").check(force=True)
+                tab.get_by_text("Display", exact=True).click()
+                tab.get_by_role("checkbox", name="Dark").evaluate("box => box.click()")
+                tab.get_by_text("Display", exact=True).click()
             while not tab.get_by_text(f"t = {t:.3f} s").count():
                 tab.evaluate(f"window.phalanx.act({{seek: {t + 1e-6}}})")
                 tab.wait_for_timeout(500)

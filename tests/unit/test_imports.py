@@ -137,7 +137,7 @@ BUDGET: Mapping[str, int] = {
     "swarm": 1995,
     "testing": 910,
     "theory": 9245,
-    "viewer": 4910,
+    "viewer": 5010,
     "wire": 600,
 }
 EXTENSIONS = {

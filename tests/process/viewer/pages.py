@@ -51,6 +51,15 @@ def labelled(tab: "Tab", label: str) -> "Locator":
     return row.locator("input").first
 
 
+def set_display(tab: "Tab", *options: str) -> None:
+    """Click checkboxes in the folder of display options, which is folded at first."""
+    if not tab.get_by_role("checkbox", name="Dark").count():
+        tab.get_by_text("Display", exact=True).click()
+    for option in options:
+        # Not at its place on the page, which moves while the folder opens.
+        tab.get_by_role("checkbox", name=option).evaluate("box => box.click()")
+
+
 class Viewer:
     """One `phalanx view` process."""
 

@@ -84,10 +84,14 @@ def test_the_exported_page_has_verdict_legend_and_names(
     assert {"1", "2", "3", "4", "5"} <= texts_of(html.read_text("utf-8"))
     offline.set_viewport_size({"width": size[0], "height": size[1]})
     offline.goto(html.as_uri())
-    head, legend = offline.locator("#phx-run"), offline.locator(".phalanx-legend")
+    head, legend = offline.locator("#phx-run"), offline.locator("#phx-legend")
     head.get_by_text(f"{recorded.summary.outcome}: ").wait_for()
+    if size[0] < 576:
+        legend.get_by_text("Legend").click()  # it is folded
     for entry in ("adversary", "circles touch where h = 0", "nominal input"):
         assert legend.get_by_text(entry).is_visible()
+    for entry in ("late link", "unsafe", "chosen agent", "height over the ground"):
+        assert legend.get_by_text(entry).count() == 0, "a film of this run does not have it"
     parts = [head, legend, offline.locator("#phx-timeline")]
     top, *others = [part.bounding_box() for part in parts]
     assert all(box["x"] >= 0 and box["x"] + box["width"] <= size[0] for box in (top, *others))

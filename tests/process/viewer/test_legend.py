@@ -1,14 +1,12 @@
 """The legend names everything that is drawn, of a plane or of space."""
 
-from html import unescape
-
 import numpy as np
 import pytest
+from phalanx_viewer.scene.legend import BELIEFS, Mark, legend, marks_of
 from phalanx_viewer.scene.model import SceneModel, scene_model
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene
 from phalanx_viewer.scene.server import SceneServer
-from phalanx_viewer.scene.texts import legend
 from viser._messages import _CreateSceneNodeMessage
 
 from phalanx.messages.frames import AgentStatus, Frame
@@ -37,6 +35,8 @@ MARKS = {
     "worst pair": "worst pair",
     "leader": "worst pair",
 }
+RARE = {Mark.UNSAFE, Mark.LIE, Mark.LATE, Mark.LOST}
+"""Marks of nodes that are drawn in every scene, but hidden until a run has them."""
 PLAIN = {"", "WorldAxes", "ground/grid", "labels", "lights"}
 """Without a mark: light, grid, and texts."""
 
@@ -75,14 +75,14 @@ def test_everything_that_is_drawn_has_a_mark(server: SceneServer, name: str) -> 
     nodes = {m.name.strip("/") for m in messages if isinstance(m, _CreateSceneNodeMessage)}
     parents = {node.rpartition("/")[0] for node in nodes}
     empty = {"ground/drops"} if model.flat else set()
+    empty |= set() if model.has_goals else {"agents/goals"}
     if not model.swarm.by_radio:
         empty |= {node for node in nodes if node.startswith("beliefs/")}
     marks = {mark(node) for node in nodes - parents - empty} - {None}
     assert "normal" in marks
-    text = unescape(legend(model))
-    named = {mark for mark in MARKS.values() if mark in text}
-    assert marks <= named
-    assert ("height over the ground" in named) is not model.flat
+    entries = {text for text, *_ in legend(marks_of(model) | RARE | BELIEFS)}
+    assert marks <= entries
+    assert ("height over the ground" in entries) is not model.flat
 
 
 def test_a_line_leads_from_the_worst_pair_to_its_text(server: SceneServer) -> None:

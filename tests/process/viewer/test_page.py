@@ -25,7 +25,7 @@ from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import chosen, labelled, pixels, served, viewer
+from tests.process.viewer.pages import chosen, labelled, pixels, served, set_display, viewer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, WebSocket
@@ -111,7 +111,7 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", repla
     replay, page = replayed
     replay.seek(replay.end)
     wait_for(lambda: time_shown(tab) == round(replay.end, 3))
-    tab.get_by_role("checkbox", name="Dark").check(force=True)
+    set_display(tab, "Dark")
     tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
     turned = painted()
     tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
@@ -221,8 +221,7 @@ def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
         page.server.get_event_loop().set_debug(True)
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
         tab.locator("#phx-plots canvas").first.wait_for()
-        for name in ("Dark", "Late and lost links", "Inputs", "Recent paths", "Goals"):
-            tab.get_by_role("checkbox", name=name).click(force=True)
+        set_display(tab, "Dark", "Late and lost links", "Inputs", "Recent paths", "Goals")
         for name in ("Fit the view", "Choose from the worst pair"):
             tab.get_by_role("button", name=name).click()
         worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a

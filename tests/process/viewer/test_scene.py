@@ -20,7 +20,14 @@ import phalanx
 from phalanx.scenario.load import load
 from phalanx.theory.arrays import Array
 from tests.process.runs import free_port, wait_for
-from tests.process.viewer.pages import camera_message, chosen, labelled, served, visitor
+from tests.process.viewer.pages import (
+    camera_message,
+    chosen,
+    labelled,
+    served,
+    set_display,
+    visitor,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
@@ -50,6 +57,7 @@ def open_tab(tab: "Tab", server: SceneServer) -> Callable[[], View]:
 
 def keep(tab: "Tab", framing: Framing) -> None:
     """Choose what the cameras keep in sight."""
+    set_display(tab)
     labelled(tab, "Keep in sight").click()
     tab.get_by_role("option", name=framing.value).click()
 
@@ -119,7 +127,7 @@ def test_ghosts_of_the_chosen_agents_peers_have_the_colour_of_their_age_until_hi
             return paints_at(tab, view(), centre, np.array([age_colour(belief.age)]))
 
         wait_for(shows_ghost)
-        tab.get_by_role("checkbox", name="Beliefs by radio").uncheck(force=True)
+        set_display(tab, "Beliefs by radio")
         wait_for(lambda: not shows_ghost())
 
 

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from phalanx_viewer.feeds import live_history
 from phalanx_viewer.feeds.live_history import LiveHistory
+from phalanx_viewer.scene.legend import Mark, marks_of
 from phalanx_viewer.scene.model import scene_model
 
+from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
 from phalanx.messages.frames import AgentStatus, Frame, LinkEvent
 from phalanx.messages.step_report import QUANTITIES, AppliedStep
@@ -37,6 +39,24 @@ def test_links_that_were_late_or_lost_are_counted_with_all_that_lead_to_an_agent
     np.testing.assert_array_equal(fates.total, [2.0, 2.0, 2.0, 0.0, 0.0] * 2)
     np.testing.assert_array_equal(fates.lost, [0.0] * 7 + [1.0, 0.0, 0.0])
     np.testing.assert_array_equal(fates.late, [0.0] * 7 + [1.0, 0.0, 0.0])
+
+
+def test_the_legend_gets_a_mark_with_the_first_frame_that_has_it_and_keeps_it() -> None:
+    past, rare = LiveHistory(MODEL), set(Mark) - marks_of(MODEL)
+    assert not past.marks & rare
+    dead = AgentStatus(Condition.DEAD, backups=1, lies=1)
+    seen = [
+        frame(0.0),
+        frame(0.1, LinkEvent(0, 2, -1.0)),
+        msgspec.structs.replace(frame(0.2), agents=(dead, *(AgentStatus(),) * 4)),
+        frame(0.3),
+    ]
+    marks = []
+    for of_run in seen:
+        past.add(of_run)
+        marks.append(past.marks & rare)
+    lost, later = {Mark.LOST}, {Mark.LOST, Mark.LIE, Mark.SILENT, Mark.BACKUP}
+    assert marks == [set(), lost, later, later]
 
 
 def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others():

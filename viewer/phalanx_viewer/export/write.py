@@ -16,10 +16,10 @@ from phalanx.schema.extensions import extension
 from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content, script
+from phalanx_viewer.scene.legend import Mark
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.scene import Scene, begin_with
 from phalanx_viewer.scene.server import SceneServer
-from phalanx_viewer.scene.texts import legend
 
 _FRAMES = 300
 """Most frames in a file, to keep it small."""
@@ -71,18 +71,18 @@ def _document(replay: Replay, progress: Callable[[str], None]) -> str:
     scene, summary = _scene(replay, times, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
+    hidden = {Mark.LATE, Mark.LOST} | ({Mark.CHOSEN} if _chosen(replay) is None else set())
     chosen = _chosen(replay) or 0
     agents = sorted(range(len(replay.model.names)), key=lambda i: i != chosen)
     data = {
         "verdict": ": ".join(verdict),
-        "content": content(replay, agents, seekable=True),
+        "content": content(replay, agents, seekable=True, hidden=hidden),
         "times": times,
     }
     # A tag or a comment in the data could end the element that holds them.
     text = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
-    parts = page.replace("<!--LEGEND-->", legend(replay.model)).replace("/*SCRIPT*/", script())
-    parts = parts.replace("/*DATA*/", text)
+    parts = page.replace("/*SCRIPT*/", script()).replace("/*DATA*/", text)
     return scene[:end] + parts + scene[end:]
 
 

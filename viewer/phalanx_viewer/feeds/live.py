@@ -60,6 +60,7 @@ class Live(AbstractContextManager["Live"]):
                 self.model = scene_model(from_json(setup.scenario.decode()))
             self.history = LiveHistory(self.model)
             self.log, self.violations = self.history.log, self.history.violations.values()
+            self.marks = self.history.marks
             self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
             self.real_time = setup.real_time

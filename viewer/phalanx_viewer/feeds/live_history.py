@@ -25,6 +25,7 @@ from phalanx.recording.curves.history import (
 )
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
+from phalanx_viewer.scene.legend import marks_in, marks_of
 from phalanx_viewer.scene.model import SceneModel
 
 SPACING = 0.2
@@ -109,6 +110,8 @@ class LiveHistory(History):
         self.broadcasts = np.recarray(0, BROADCAST)
         self.conditions: list[ConditionChange] = []
         self.log: list[LogLine] = []
+        self.marks = marks_of(model)
+        """Marks of the scene that the run had so far."""
         self.violations: dict[str, Violation] = {}
         """By pair, from the last frame that named it: a frame holds the worst ones alone."""
 
@@ -133,6 +136,7 @@ class LiveHistory(History):
             self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)
         self._add_conditions(frame)
+        self.marks |= marks_in(frame)
         self.violations.update((violation.pair, violation) for violation in frame.violations)
         # A frame holds the last lines alone, most of which came before.
         self.log += [line for line in frame.log if line not in self.log[-len(frame.log) :]]

@@ -21,6 +21,7 @@ from phalanx.recording.records import Level, Step
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds.live_history import SPACING, path_points
+from phalanx_viewer.scene.legend import BELIEFS, Mark, marks_in, marks_of
 from phalanx_viewer.scene.model import scene_model
 
 _EVENT_SHOWN = 0.05
@@ -75,6 +76,17 @@ class Replay:
         self._cursor = threading.Lock()
         self._played_until = time.monotonic()
         self._last: tuple[int, bool, float] | None = None
+        self.marks = self._marks()
+        """Marks of the scene that the run has at some time."""
+
+    def _marks(self) -> set[Mark]:
+        delays = np.concatenate([agent.every_delay for agent in self._agents])
+        links = {Mark.LATE: (delays > 0.0).any(), Mark.LOST: (delays < 0.0).any()}
+        marks = marks_of(self.model) | marks_in(self.frame(self.end))
+        marks |= {mark for mark, holds in links.items() if holds}
+        if any(change.condition.silent for change in self.history.conditions):
+            marks.add(Mark.SILENT)
+        return marks | (BELIEFS if self.radio else set())
 
     @property
     def end(self) -> float:
@@ -248,6 +260,11 @@ class _AgentSteps:
             without_authority=int(self._without_authority[k]),
             lies=lies,
         )
+
+    @property
+    def every_delay(self) -> Array:
+        """Delays of all late and lost broadcasts to it [s], shape (b,); negative: lost."""
+        return self._late[:, 2]
 
     def delays(self, after: float, until: float) -> list[list[float]]:
         """[sender, delay] of late and lost broadcasts, by steps applied in (after, until] [s]."""

@@ -30,6 +30,9 @@ _PLOT_PERIOD = 1.0
 _PLOT_SHARE = 0.01
 """Largest share of the time spent on plots: with many agents they are updated less often."""
 
+_PANEL = 252
+"""Width of viser's panel [pixels]: with the plots it leaves the scene 60 % of a page of 1280."""
+
 _CONNECT = """
 if (!window.phalanx.connect) (() => {
   let socket = null, unsent = null, visitor = "";
@@ -93,7 +96,8 @@ class Visitor:
             if self._commands:
                 self._commands.folder.remove()
                 self._commands = None
-        self._feed, self._plotted, self._plots_due = feed, (-1, -1, -1), 0.0
+        self._feed, self._plots_due = feed, 0.0
+        self._plotted: object = None
         self.stale = True
         """True until the page shows the last frame and choice."""
 
@@ -142,14 +146,14 @@ class Visitor:
 
     def _plot(self) -> None:
         now, rows = time.monotonic(), self._feed.history.totals
-        state = self.selected, len(rows), len(self._feed.log)
+        state = self.selected, len(rows), len(self._feed.log), frozenset(self.scene.hidden)
         if state == self._plotted or now < self._plots_due:
             return
         began, names = time.thread_time(), self._model.names
         others = [] if self._model.crowded else range(len(names))
         curves_of = [self.selected, *(i for i in others if i != self.selected)]
         seekable = isinstance(self._feed, Replay)
-        data = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
+        data = content(self._feed, curves_of, seekable, [self.selected], self.scene.hidden)
         self._call("show", data)
         self._pair, self.stale = data.pair, True
         duration = time.thread_time() - began
@@ -196,7 +200,7 @@ class Page:
         self.server = open_page(host, port, f"Phalanx: {feed.model.scenario.name}", origins)
         self._begin_with(feed)
         self.server.gui.main_panel.dock_left()
-        self.server.gui.main_panel.set_width(360)
+        self.server.gui.main_panel.set_width(_PANEL)
         self._frame: Frame | None = None
         self._outcome = feed.summary, feed.over
         self.server.on_action = self._on_action

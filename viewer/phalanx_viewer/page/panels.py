@@ -15,11 +15,6 @@ from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.server import Callback, in_loop
 from phalanx_viewer.scene.texts import Markup, Panel, element, markup
 
-_STYLE = Markup("""<style>
-.phalanx-text { margin: 0; padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.5;
-  overflow-wrap: anywhere; white-space: pre-wrap; unicode-bidi: isolate; }
-ul.phalanx-text { padding-left: 1.75em; }
-</style>""")
 _LOG_LINES = 12
 _SAME_TIME = 1e-9
 """Times that differ by rounding alone [s]."""
@@ -93,7 +88,6 @@ def _status(frame: Frame, duration: float, over: bool) -> Markup:
     commanded += [] if frame.delay is None else [f"delay {1e3 * frame.delay:g} ms"]
     clock = element("b", f"t = {frame.t:.3f} s")
     return markup(
-        _STYLE,
         _text(clock, f" of {duration:g} s · {'the run is over' if over else pace}"),
         _text(f"worst h so far {frame.worst_h:.3f}, h_tot {frame.h_tot:.3f}"),
         _text(f"{frame.steps} steps, {empty}"),

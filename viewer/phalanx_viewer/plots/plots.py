@@ -5,7 +5,7 @@ All times are in seconds.
 
 import functools
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from importlib.resources import files
 
 import msgspec
@@ -39,6 +39,8 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.feeds import Feed
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.scene.legend import Mark as SceneMark
+from phalanx_viewer.scene.legend import legend
 
 Safe = tuple[float | None, float | None]
 
@@ -157,9 +159,10 @@ class Content(msgspec.Struct):
     plots: list[Plot]
     periods: list[Period]
     marks: list[Mark]
+    legend: list[tuple[str, str, str]]
 
 
-_PARTS = ("state.js", "plots.js", "timeline.js")
+_PARTS = ("state.js", "plots.js", "timeline.js", "legend.js")
 """Functions of one scope: each part uses those before it."""
 
 
@@ -178,13 +181,14 @@ def script() -> str:
 
 
 def content(
-    feed: Feed, curves_of: Sequence[int], seekable: bool, inputs_of: Sequence[int] | None = None
-) -> Content:
+    feed: Feed, curves_of: Sequence[int], seekable: bool, inputs_of: Sequence[int] | None = None,
+    hidden: Set[SceneMark] = frozenset(),
+) -> Content:  # fmt: skip
     """Make the plots and the timeline of a feed.
 
     curves_of: the agents with curves of their own; the first one is chosen. seekable: whether
     visitors can move the cursor; the plots then end where the past does. inputs_of: the agents
-    whose inputs are plotted; by default those with curves.
+    whose inputs are plotted; by default those with curves. hidden: marks without a legend.
     """
     model, past = feed.model, feed.history
     rows = past.totals
@@ -208,6 +212,7 @@ def content(
             *(period for i in curves_of for period in empty_periods(i, plots.steps[i])),
         ],
         marks=_marks(feed, plots.steps.values()),
+        legend=legend(feed.marks - hidden),
     )
 
 

@@ -49,7 +49,7 @@ function pen(canvas) {
   canvas.height = height * scale;
   const found = canvas.getContext("2d");
   found.scale(scale, scale);
-  found.font = "10px system-ui";
+  found.font = "10px system-ui, sans-serif";
   return [found, width, height];
 }
 

@@ -29,6 +29,9 @@ const bar = element("footer", { id: "phx-timeline" },
 const note = element("div", { id: "phx-note", role: "status", hidden: true,
   textContent: "A run that goes on cannot be moved in time. Its replay can." });
 document.body.append(bar, note);
+// On a small page its buttons may need two rows.
+new ResizeObserver(() => document.documentElement.style
+  .setProperty("--phx-timeline", bar.offsetHeight + "px")).observe(bar);
 
 const narrow = matchMedia("(max-width: 1200px)");
 const fold = folded => {

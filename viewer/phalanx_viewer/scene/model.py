@@ -204,6 +204,11 @@ class SceneModel:
             goals[i] = in_space(goal(t, states).position)
         return goals
 
+    @property
+    def has_goals(self) -> bool:
+        """True if goals() knows one."""
+        return bool(self._goals)
+
     @cached_property
     def _goals(self) -> dict[int, AgentGoal]:
         swarm = self.swarm

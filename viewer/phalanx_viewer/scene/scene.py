@@ -12,11 +12,12 @@ from phalanx_viewer.scene import agents
 from phalanx_viewer.scene.cameras import Camera, Framing, View
 from phalanx_viewer.scene.colours import DARK, LIGHT
 from phalanx_viewer.scene.ghosts import GhostNodes
+from phalanx_viewer.scene.legend import BELIEFS, Mark
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 from phalanx_viewer.scene.static import StaticNodes
-from phalanx_viewer.scene.texts import LabelNodes, Panel, banner, legend, markup
+from phalanx_viewer.scene.texts import LabelNodes, Panel, banner, markup
 
 _REACH = 3.0
 """Radius around a position that is shown, in bodies."""
@@ -45,10 +46,11 @@ class Scene:
         self.ghosts = GhostNodes(to.scene, model, LIGHT)
         self.labels = LabelNodes(to.scene, model)
         self.banner = Panel(to.gui, markup(), order=-1.0)
-        Panel(to.gui, legend(model), order=99.0)
         self.selection = agents.SelectionNodes(to.scene, LIGHT)
         client = to if isinstance(to, viser.ClientHandle) else None
         self.camera = Camera(client, _direction(model.flat), _REACH * model.body, model.corners)
+        self.hidden = {Mark.LATE, Mark.LOST}
+        """Marks whose nodes are hidden."""
         self.stale = False
         """True if the visitor came or moved the camera since the last picture."""
         self._positions: Array | None = None
@@ -122,7 +124,7 @@ def _direction(flat: bool) -> View:
 def add_display(gui: viser.GuiApi, scene: Scene, model: SceneModel) -> None:
     """Add the folder of display options to the panel."""
     framings = tuple(framing.value for framing in Framing)
-    with gui.add_folder("Display", order=80):
+    with gui.add_folder("Display", order=85, expand_by_default=False):
         framing = gui.add_dropdown("Keep in sight", framings, initial_value=scene.camera.framing)
         fit = gui.add_button("Fit the view")
         arrows = gui.add_checkbox("Inputs", True)
@@ -143,8 +145,11 @@ def add_display(gui: viser.GuiApi, scene: Scene, model: SceneModel) -> None:
         )
         scene.set_dark(dark.value)
 
-    def switch(box: viser.GuiCheckboxHandle, *nodes: viser.SceneNodeHandle) -> None:
+    def switch(
+        box: viser.GuiCheckboxHandle, marks: set[Mark], *nodes: viser.SceneNodeHandle
+    ) -> None:
         def show(_: object) -> None:
+            scene.hidden = scene.hidden - marks if box.value else scene.hidden | marks
             for node in nodes:
                 node.visible = box.value
 
@@ -154,8 +159,8 @@ def add_display(gui: viser.GuiApi, scene: Scene, model: SceneModel) -> None:
     framing.on_update(in_loop(keep))
     fit.on_click(in_loop(keep))
     dark.on_update(in_loop(set_dark))
-    switch(arrows, scene.arrows.applied, scene.arrows.u_nom)
-    switch(paths, scene.lines.paths)
-    switch(goals, scene.agents.goals)
-    switch(links, scene.lines.links)
-    switch(beliefs, *scene.ghosts.nodes)
+    switch(arrows, {Mark.APPLIED, Mark.NOMINAL}, scene.arrows.applied, scene.arrows.u_nom)
+    switch(paths, {Mark.PATH}, scene.lines.paths)
+    switch(goals, {Mark.GOAL}, scene.agents.goals)
+    switch(links, {Mark.LATE, Mark.LOST}, scene.lines.links)
+    switch(beliefs, BELIEFS, *scene.ghosts.nodes)

@@ -1,4 +1,4 @@
-"""Texts: HTML of the page, banner and legend over the scene, and labels in it."""
+"""Texts: HTML of the page, the banner over the scene, and labels in it."""
 
 from collections.abc import Sequence
 from html import escape
@@ -9,17 +9,7 @@ import viser
 from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
-from phalanx_viewer.scene.colours import (
-    COLOURS,
-    DANGER,
-    FRESH,
-    LATE,
-    LIE,
-    OBSTACLE,
-    OLD,
-    WORST_PAIR,
-    Role,
-)
+from phalanx_viewer.scene.colours import WORST_PAIR
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import single, update
 from phalanx_viewer.scene.picture import Picture
@@ -40,26 +30,6 @@ LETTER, _LINE, _LEGEND = 0.013, 0.032, -0.35
 shorter side of a usual picture."""
 _LINES = 3
 """Most pairs that the banner names; all are in the event log."""
-_STYLE = Markup("""<style>
-.phalanx-over { position: fixed; z-index: 10; transform: translateX(-50%); box-sizing: border-box;
-  left: calc((100vw - var(--phx-plots, 0px) + 360px) / 2); width: max-content;
-  max-width: max(100vw - var(--phx-plots, 0px) - 384px, 18em);
-  font: 13px/1.5 system-ui, sans-serif; border-radius: 6px; }
-@media (max-width: 1000px) { .phalanx-over { font-size: 11px; } }
-@media (max-width: 576px) { .phalanx-over { left: 50vw; max-width: 94vw; } }
-.phalanx-alarm { top: 12px; padding: 6px 12px; color: #fff; background: #e11d2e;
-  box-shadow: 0 2px 12px #e11d2e88; font-weight: 600; }
-.phalanx-alarm.phalanx-past { background: #92400e; box-shadow: none; font-weight: 400; }
-.phalanx-legend { bottom: calc(var(--phx-timeline, 0px) + var(--phx-notice, 0px) + 10px);
-  padding: 3px 12px; background: color-mix(in srgb, var(--mantine-color-body) 85%, transparent);
-  color: var(--mantine-color-text); font-size: 12px; }
-.phalanx-legend summary { cursor: pointer; font-weight: 600; }
-.phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1em; }
-.phalanx-legend span { white-space: nowrap; }
-@media (max-width: 1000px) { .phalanx-legend { font-size: 11px; line-height: 1.35; } }
-@media (max-width: 576px) { .phalanx-legend { display: none; } }
-</style>""")
-"""Style of banner and legend, which are over the middle of the scene, between the panels."""
 
 
 def markup(*parts: str) -> Markup:
@@ -94,40 +64,6 @@ def banner(unsafe: list[str], past: list[str]) -> Markup:
     more = [f"and {rest} more pair{'s' * (rest > 1)}"] if rest > 0 else []
     lines = [element("div", line) for line in (*text[:_LINES], *more)]
     return element("div", *lines, kind=f"phalanx-over phalanx-alarm{kind}", role="alert")
-
-
-def legend(model: SceneModel) -> Markup:
-    """Marks of a scene and their meanings, in an element that can be folded, and the style."""
-    marks = [_mark("▲", COLOURS[role], role) for role in Role]
-    marks += [
-        _mark("◉", DANGER, "unsafe: h above 0"),
-        _mark("◎", LIE, "sent a false broadcast"),
-        _mark("∘", COLOURS[Role.NORMAL], "goal"),
-        _mark("◯", OBSTACLE, "circles touch where h = 0"),
-        element("span", element("b", "◯"), " chosen agent"),
-        _mark("—", WORST_PAIR, "worst pair"),
-        _mark("—", LATE, "late link"),
-        _mark("—", DANGER, "lost link"),
-        element("span", element("b", "→"), " applied input"),
-        _mark("→", OBSTACLE, "nominal input"),
-        _mark("∿", OBSTACLE, "recent path"),
-        _mark("■", OBSTACLE, "obstacle or limit"),
-        _mark("┄", WORST_PAIR, "path of the formation's middle"),
-        _mark("▒", WORST_PAIR, "width of the formation")
-        if model.flat
-        else _mark("┃", OBSTACLE, "height over the ground"),
-    ]
-    if model.swarm.by_radio:
-        ages = (FRESH, "believed now"), (LATE, "½ s ago"), (OLD, "1 s ago or more")
-        marks += [_mark("◎", colour, age) for colour, age in ages]
-    summary = element("summary", "Legend")
-    kind = "phalanx-over phalanx-legend"
-    folding = element("details", summary, element("div", *marks), kind=kind, open="")
-    return markup(_STYLE, folding)
-
-
-def _mark(sign: str, colour: tuple[int, int, int], text: str) -> Markup:
-    return element("span", element("b", sign, style=f"color:rgb{colour}"), f" {text}")
 
 
 class LabelNodes:
