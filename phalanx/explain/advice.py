@@ -138,7 +138,7 @@ def least_change(steps: ControllerSteps, field: Field) -> Advice | None:
     end = changes(scenario, field, 1.0)
     if not end or not frees(steps, end):
         return None
-    while high - low > max(_EXACT * high, _LEAST):
+    while high - low > _EXACT * high and high > _LEAST:
         middle = 0.5 * (low + high)
         if frees(steps, changes(scenario, field, middle)):
             high = middle

@@ -158,6 +158,16 @@ def test_a_change_that_is_advised_frees_the_agent_and_a_smaller_one_does_not(wai
     assert " ".join(change.overrides) in str(change).replace("--set ", "").split("=")[0]
 
 
+def test_a_change_of_a_millionth_is_as_exact_as_a_large_one(waiting, monkeypatch):
+    alpha = FIELDS[0]
+    scenario = waiting.rows.swarm.scenario
+    (path,), least = changes(scenario, alpha, 1.0), 2.9e-6
+    (bound,) = changes(scenario, alpha, least).values()
+    monkeypatch.setattr("phalanx.explain.advice.frees", lambda _, values: values[path] >= bound)
+    advised = least_change(waiting, alpha)
+    assert least <= advised.share <= 1.03 * least
+
+
 def test_a_field_that_the_scenario_lacks_is_never_advised(waiting):
     absent = [f for f in FIELDS if not changes(waiting.rows.swarm.scenario, f, 1.0)]
     assert [field.path for field in absent] == [
