@@ -108,7 +108,7 @@ class InputChoice:
         """The nearest input within these rows, or that which violates the whole ones least."""
         rows = cuts if whole is None else _joined(cuts, whole)
         u = self._qp.solve(wish, inputs, rows)
-        if u is not None or whole is None:
+        if u is not None or whole is None or not len(whole.bound):
             return u
         A = np.concatenate([inputs.A, cuts.a])
         b = np.concatenate([inputs.b, cuts.bound])

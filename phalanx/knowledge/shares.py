@@ -12,9 +12,9 @@ would not be sound.) Without memory of t_s there is no share. A peer that lies v
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from math import inf
 from typing import NamedTuple
 
@@ -52,14 +52,6 @@ def after(hold: Hold, t: float, motion: Motion) -> Array:
     return moved(hold.z, hold.u, motion.held(np.array([t - hold.t])))
 
 
-class _Past(NamedTuple):
-    """The own past since a peer's sample."""
-
-    z: Array
-    """The own reference then, shape (2 axes,)."""
-    holds: list[Hold]
-
-
 class _Closing(NamedTuple):
     """Ways closed in on a peer during one hold [m], and the own speed's extremes [m/s]."""
 
@@ -69,6 +61,37 @@ class _Closing(NamedTuple):
     """The way by which the agent may have gone back within the hold, at most."""
     slowest: float
     fastest: float
+
+
+@dataclass(slots=True)
+class _Past:
+    """The own past since a peer's sample, as far as it is counted."""
+
+    gap: float
+    """Between both then, less R, tubes and ways to stop [m]."""
+    z: Array
+    """The own reference then, shape (2 axes,)."""
+    first: int
+    """Number of the hold in which that was."""
+    counted: int
+    """Number of the first hold that is not counted yet."""
+    stopping: float
+    """The own L then [m]."""
+    fastest: float
+    """The largest own speed since [m/s]."""
+    spent: float = 0.0
+    """The way closed in since, at most [m]."""
+    least: float = 0.0
+    """The same, at least [m]."""
+    regained: float = 0.0
+    """C⁻ [m]."""
+
+    def count(self, closing: _Closing, stopping: float) -> None:
+        """Count the next hold; stopping: L at its slowest [m]."""
+        back = self.stopping - stopping - self.least + closing.opened
+        self.regained = max(self.regained, back)
+        self.fastest = max(self.fastest, closing.fastest)
+        self.spent, self.least = self.spent + closing.most, self.least + closing.least
 
 
 class Shares:
@@ -94,14 +117,20 @@ class Shares:
         self._motion, self._radius, self._share = motion, radius, share
         self._stamp_error, self._enclose = stamp_error, enclose
         self._holds: deque[Hold] = deque(maxlen=_MOST_HOLDS)
+        self._end = 0
+        """Number of the next hold."""
+        self._pasts: list[tuple[HeardState, _Past]] = []
+        """Since the states that counted last: with each hold only that one is added."""
 
     def remember(self, hold: Hold) -> None:
         """Add a hold that has ended."""
         self._holds.append(hold)
+        self._end += 1
 
     def forget(self) -> None:
         """Drop all memory: the reference did not go on from where it was."""
         self._holds.clear()
+        self._pasts = []
 
     def gaps(self, t: float, z: Array, states: Sequence[HeardState], motions: Motions) -> Array:
         """Gaps to n peers at time t, -∞ without a share; shape (n,) [m].
@@ -112,73 +141,76 @@ class Shares:
             states: the newest state heard of each peer.
             motions: of the peers.
         """
-        axes = self._motion.axes
         ages = [max(0.0, t - state.t) + self._stamp_error for state in states]
         rests = list(map(partial(_rest, self._share), motions.longest.tolist(), ages))
-        pasts = [
-            self._past(state, t, z) if rest > _LEAST_REST else None
-            for state, rest in zip(states, rests, strict=True)
-        ]
-        closings = self._closings(pasts, states, motions)
-        others = motions.tube + motions.stopping(length(np.array([s.z for s in states])[:, axes:]))
-        gaps = np.full(len(states), -np.inf)
-        for n, (state, past) in enumerate(zip(states, pasts, strict=True)):
-            if past is None:
-                continue
-            gap_then = (
-                length((past.z - state.z)[:axes]) - self._radius - self._motion.tube - others[n]
-            )
-            since = islice(closings, len(past.holds))
-            gaps[n] = self._left(float(gap_then), rests[n], _speed(past.z), _speed(z), since)
+        pasts = {
+            n: past
+            for n, state in enumerate(states)
+            if rests[n] > _LEAST_REST
+            and (past := self._past(state, t, z, partial(motions.of, [n])))
+        }
+        self._pasts = [(states[n], past) for n, past in pasts.items() if states[n].t < t]
+        self._count(pasts, states, motions)
+        gaps, now = np.full(len(states), -np.inf), _speed(z)
+        for n, past in pasts.items():
+            gaps[n] = self._left(past, rests[n], now)
         return gaps
 
-    def _left(
-        self, gap_then: float, rest: float, before: float, now: float, closings: Iterator[_Closing]
-    ) -> float:
-        """The gap that is left.
-
-        Args:
-            gap_then: distance at t_s, less R, tubes and the other's L [m].
-            rest: E.
-            before: the own speed at t_s [m/s].
-            now: the own speed.
-            closings: of the holds since t_s.
-        """
-        stopping, fastest = self._motion.stopping, before
-        gap, spent, least, regained = gap_then - stopping(before), 0.0, 0.0, 0.0
-        for closing in closings:
-            back = stopping(before) - stopping(closing.slowest) - least + closing.opened
-            regained, fastest = max(regained, back), max(fastest, closing.fastest)
-            spent, least = spent + closing.most, least + closing.least
-        if gap < 0.0:
+    def _left(self, past: _Past, rest: float, now: float) -> float:
+        """The gap that is left of one with a past; rest: E; now: the own speed [m/s]."""
+        if past.gap < 0.0:
             return -inf
-        spent += stopping(now) - stopping(before)
+        spent = past.spent + (self._motion.stopping(now) - past.stopping)
         # The own state at another time than the stamp's counts in g_s, C and C⁻.
         error = self._stamp_error
-        unsure = 2.0 * error * self._motion.rate(fastest, error) if error > 0.0 else 0.0
-        return (gap + regained) * rest - regained - spent - unsure
+        unsure = 2.0 * error * self._motion.rate(past.fastest, error) if error > 0.0 else 0.0
+        return (past.gap + past.regained) * rest - past.regained - spent - unsure
 
-    def _past(self, state: HeardState, t: float, z: Array) -> _Past | None:
-        """The own past since a peer's sample, the first hold cut; None where it has no share."""
-        axes, holds = self._motion.axes, list[Hold]()
+    def _past(
+        self, state: HeardState, t: float, z: Array, peer: Callable[[], Motions]
+    ) -> _Past | None:
+        """The own past since the sample of a peer; None where it has no share."""
+        axes, oldest = self._motion.axes, self._end - len(self._holds)
         started_moving = state.t <= 0.0 and bool((state.z[axes:] != 0.0).any())
         if started_moving or state.t_apply > state.t:  # what it does was not chosen at the state
             return None
         if state.t >= t:
-            return _Past(z, holds)
-        for hold in reversed(self._holds):
-            holds.append(hold)
+            return self._begun(state, z, self._end, peer())
+        for known, past in self._pasts:
+            if known is state:
+                return past if past.first >= oldest else None
+        for back, hold in enumerate(reversed(self._holds), start=1):
             if hold.t <= state.t:
                 begin = after(hold, state.t, self._motion)
-                holds[-1] = Hold(state.t, begin, hold.u, hold.end)
-                return _Past(begin, holds[::-1])
+                return self._begun(state, begin, self._end - back, peer())
         return None
 
+    def _begun(self, state: HeardState, z: Array, first: int, peer: Motions) -> _Past:
+        """The past since a peer's sample, when the own reference was z, with no hold counted."""
+        axes, stopping = self._motion.axes, self._motion.stopping(_speed(z))
+        other = peer.tube + peer.stopping(length(state.z[None, axes:]))
+        gap = length((z - state.z)[:axes]) - self._radius - self._motion.tube - other[0]
+        return _Past(float(gap) - stopping, z, first, first, stopping, fastest=_speed(z))
+
+    def _count(
+        self, pasts: Mapping[int, _Past], states: Sequence[HeardState], motions: Motions
+    ) -> None:
+        """Count in each peer's past the holds that have ended since; the first one is cut."""
+        oldest, parts = self._end - len(self._holds), list[tuple[int, Hold]]()
+        for n, past in pasts.items():
+            for number in range(past.counted, self._end):
+                hold = self._holds[number - oldest]
+                if number == past.first:
+                    hold = Hold(states[n].t, past.z, hold.u, hold.end)
+                parts.append((n, hold))
+            past.counted = self._end
+        for (n, _), closing in zip(parts, self._closings(parts, states, motions), strict=True):
+            pasts[n].count(closing, self._motion.stopping(closing.slowest))
+
     def _closings(
-        self, pasts: Sequence[_Past | None], states: Sequence[HeardState], motions: Motions
+        self, parts: Sequence[tuple[int, Hold]], states: Sequence[HeardState], motions: Motions
     ) -> Iterator[_Closing]:
-        """Bounds on the way closed in during each hold on its peer, peer by peer."""
-        parts = [(n, hold) for n, past in enumerate(pasts) if past for hold in past.holds]
+        """Bounds on the way closed in on some peers, each during a hold."""
         if not parts:
             return iter(())
         motion, axes = self._motion, self._motion.axes

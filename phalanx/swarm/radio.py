@@ -6,7 +6,7 @@ state of a set. Two other beliefs, to compare with, take one state for the truth
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple, cast
 
 import casadi as ca
@@ -69,6 +69,10 @@ class PeerKnowledge:
         self._begun, self._t, self._starts_known = False, 0.0, radio.starts_known
         self._period = swarm.groups[i].clock.period
         self._stamp_error, self._said = radio.stamp_error, dict[int, ReceivedInput]()
+        self._motions = lru_cache(maxsize=4)(
+            lambda peers: stacked([self.points[l].motion for l in peers])
+        )
+        """Of peers."""
         self.convicted: set[int] = set()
         """Peers that contradicted themselves: nothing that they state later is believed."""
         self.convictions: list[Conviction] = []
@@ -92,7 +96,7 @@ class PeerKnowledge:
             if l in self._periods and said is not self._said.get(l):
                 self._said[l] = said
                 self._hear(l, self._heard(l, cast(SentInput, said)))
-        believed = {l: self._believed(l, heard, t) for l, heard in self._newest.items()}
+        believed = self._believed(t)
         for l, state in believed.items():
             x[self._parts[l]] = state
         self.heard = {l: heard.point for l, heard in self._newest.items()}
@@ -111,7 +115,7 @@ class PeerKnowledge:
             return {}
         peers, states = zip(*((l, heard.point) for l, heard in self._newest.items()), strict=True)
         motions, times = [self.points[l].motion for l in peers], np.full(len(peers), self._t)
-        low, high = enclosures(states, times, stacked(motions), self._stamp_error)
+        low, high = enclosures(states, times, self._motions(peers), self._stamp_error)
         tubes = [np.repeat([m.tube, m.tracking.speed_tube], m.axes) for m in motions]
         return {l: (a - r, b + r) for l, a, b, r in zip(peers, low, high, tubes, strict=True)}
 
@@ -139,18 +143,25 @@ class PeerKnowledge:
         u, z = point.input(x, np.array(said.u)), point.of(np.array(said.z))
         return _Heard(x, HeardState(said.t, point.of(x), z, said.t_apply, u))
 
-    def _believed(self, l: int, heard: _Heard, t: float) -> Array:
-        """Return one state of peer l at t [s]; of a set the middle, where it is without input."""
-        point, motion = heard.point, self.points[l].motion
-        if self._belief == "newest":
-            return heard.x
-        x, age = point.x, max(0.0, t - point.t)
+    def _believed(self, t: float) -> dict[int, Array]:
+        """Return a state of each peer at t [s]; of a set the middle, where it is without input."""
+        if self._belief == "newest" or not self._newest:
+            return {l: heard.x for l, heard in self._newest.items()}
+        heard, motions = list(self._newest.values()), self._motions(tuple(self._newest))
+        x, said = np.array([h.point.x for h in heard]), [h.point.t for h in heard]
+        age = np.maximum(0.0, t - np.array(said))[:, None]
         if self._belief == "carried-on":
             # Its input is in force until its next sample; then its speed alone is known, which
             # may be that input.
-            sure = age if motion.jumps else min(age, self._periods[l])
-            x, age = moved(x, point.u, motion.held(np.array([sure]))), age - sure
-        return self.points[l].at(heard.x, moved(x, self._still, motion.held(np.array([age]))))
+            periods = np.array([[self._periods[l]] for l in self._newest])
+            sure = np.where(motions.jumps > 0.0, age, np.minimum(age, periods))
+            u = np.array([h.point.u for h in heard])
+            x, age = moved(x, u, motions.held(sure)), age - sure
+        points = moved(x, self._still, motions.held(age))
+        return {
+            l: self.points[l].at(h.x, point)
+            for (l, h), point in zip(self._newest.items(), points, strict=True)
+        }
 
 
 class RadioFilter:

@@ -5,12 +5,12 @@ CompiledFunction takes vectors; MappedFunction evaluates one expression for many
 
 import ctypes
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
 
-from phalanx.native.library import address, native
+from phalanx.native.library import Native, address, native
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.portable import portable_function
 
@@ -33,10 +33,10 @@ class BoundFunction:
 class _BoundRows:
     """A function of a column, called in place for `count` rows; as machine code if it is built."""
 
-    def __init__(self, function: ca.Function, count: int) -> None:
-        """function: of one column, with one column as result."""
+    def __init__(self, function: ca.Function, count: int, compiled: Native | None) -> None:
+        """function: of one column, with one column as result. compiled: the same, if built."""
         self.call: Callable[[], object]
-        if compiled := native(function):
+        if compiled:
             self.arguments = np.zeros(count * function.numel_in(0))
             self.results = np.zeros(count * function.numel_out(0))
             addresses = address(self.arguments), address(self.results)
@@ -74,7 +74,8 @@ class CompiledFunction:
         A column or row output is returned with shape (n,), others with shape (rows, columns).
         """
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
-        self._bound = _BoundRows(portable_function([ca.vertcat(*inputs)], flat), 1)
+        function = portable_function([ca.vertcat(*inputs)], flat)
+        self._bound = _BoundRows(function, 1, native(function))
         last = np.cumsum([i.numel() for i in inputs]).tolist()
         self._inputs = [
             self._bound.arguments[end - i.numel() : end]
@@ -158,13 +159,18 @@ class MappedFunction:
 
     def mapped(self, count: int) -> ca.Function:
         """The CasADi function of `count` rows, one for each column; it may have no derivatives."""
-        compiled = native(self._function)
+        compiled = self._compiled
         return (compiled.function if compiled else self._function).map(count)
+
+    @cached_property
+    def _compiled(self) -> Native | None:
+        # To look for it takes a millisecond: the key is the function's text.
+        return native(self._function)
 
     def _view(self, count: int) -> _View:
         capacity = rounded_up(count)
         if capacity not in self._bound:
-            self._bound[capacity] = _BoundRows(self._function, capacity)
+            self._bound[capacity] = _BoundRows(self._function, capacity, self._compiled)
         bound = self._bound[capacity]
         view = self._views[count] = (
             bound.arguments[: count * self.inputs].reshape(count, self.inputs),

@@ -255,6 +255,10 @@ class NearestPointSolver:
         source = Path(__file__).with_suffix(".c").read_text("utf-8")
         self._compiled = native_source(source, _Compiled)
 
+    def in_c(self, inputs: int) -> bool:
+        """Return whether programs with this many inputs run in C."""
+        return self._compiled is not None and inputs <= _MOST_INPUTS
+
     def solve(
         self, n: Sequence[float], G: Array, g: Array, size: float, hint: Rows | None = None
     ) -> NearestPoint | None:

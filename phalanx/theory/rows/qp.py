@@ -4,8 +4,8 @@
     subject to  A u    <= b                  U_i, the input polytope
                 a_r u  <= bound_r            one row for h_tot, or one for each pair r
 
-In a box with one row nearest_in_box knows the answer. For all other programs OSQP names rows that
-may be active, and nearest_point computes the answer from them, or without them.
+In a box with one row nearest_in_box knows the answer. For all other programs nearest_point computes
+it, from rows that were active before or that OSQP names, or without them.
 """
 
 from math import inf, sqrt
@@ -91,8 +91,9 @@ def _columns(values: Array, rows: Indices, height: int) -> _Columns:
 class NearestInput:
     """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound, defined to the bit.
 
-    In a box with one row by nearest_in_box, else by nearest_point; the rows that were active last
-    and those that OSQP names are its hints. A result depends on the arguments alone.
+    In a box with one row by nearest_in_box, else by nearest_point; its hints are the rows that were
+    active last and, where it is not compiled, those that OSQP names. A result depends on the
+    arguments alone.
 
     >>> from phalanx.theory.models.polytope import polytope
     >>> U = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
@@ -157,7 +158,8 @@ class NearestInput:
     def _nearest(self, n: Array, G: Array, g: Array, size: float) -> list[float] | None:
         program, rows = (n.tolist(), G, g, size), len(g)
         point = self._exact.solve(*program, self._active.get(rows, ()))
-        if point is None:
+        # In C the whole search takes less time than OSQP's hint.
+        if point is None and not self._exact.in_c(len(n)):
             if rows not in self._osqp:
                 self._osqp[rows] = ActiveRows(*G.shape)
             point = self._exact.solve(*program, self._osqp[rows].guess(n, G, g))

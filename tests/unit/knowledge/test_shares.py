@@ -141,3 +141,24 @@ def test_a_share_of_a_peer_that_rests_falls_by_no_less_than_the_way_closed_in():
         assert claim <= true
         tightest = min(tightest, true - claim)
     assert tightest < 0.01
+
+
+def test_a_share_is_the_same_to_the_bit_however_often_it_was_asked_for_before():
+    rng, motions, finite = np.random.default_rng(7), stacked([PLANE, DRAG]), 0
+    states = [heard([9.0, 0.0, 0.0, 0.0], 0.0), heard([0.0, 12.0, 0.0, 0.0], 0.0)]
+    asked, z, t, holds = Shares(DRAG, RADIUS, 1.5, 0.001, enclosures), 0.2 * np.ones(4), 0.0, []
+    for sample in range(60):
+        hold = Hold(t, z, rng.uniform(-4.0, 4.0, 2), t + float(rng.uniform(0.02, 0.05)))
+        holds, t, z = [*holds, hold], hold.end, after(hold, hold.end, DRAG)
+        asked.remember(hold)
+        if sample % 9 == 5:
+            states[sample % 2] = heard([9.0, 3.0, 0.0, 0.5], t - 0.03)
+        near = [0, 1] if sample % 4 else [1]
+        gaps = asked.gaps(t, z, [states[n] for n in near], motions.of(near))
+        unasked = Shares(DRAG, RADIUS, 1.5, 0.001, enclosures)
+        for hold in holds:
+            unasked.remember(hold)
+        once = unasked.gaps(t, z, [states[n] for n in near], motions.of(near))
+        np.testing.assert_array_equal(gaps, once)
+        finite += int(np.isfinite(gaps).sum())
+    assert finite > 60
