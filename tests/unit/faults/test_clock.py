@@ -42,6 +42,12 @@ def test_a_step_delays_every_later_sample_by_as_much(step: float):
     assert clock.faults == {0: 1}
 
 
+def test_a_step_at_the_very_instant_of_a_sample_delays_the_next_one():
+    clock, times = ticks(step=0.2, at=0.0)
+    assert times[1] == pytest.approx(RIGHT[1] + 0.2)
+    assert clock.faults == {0: 1}
+
+
 def test_a_step_forward_has_a_sample_come_sooner_but_not_before_it():
     clock, times = ticks(step=-0.005)
     n = int((RIGHT <= AT).sum())

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from phalanx.guarantee.certificate import (
     MULTIPLES,
     PairCertificate,
+    highest_within,
     pair_certificate,
 )
 from phalanx.guarantee.certificates import HeldInput, SwarmCertificates
@@ -63,6 +64,8 @@ def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, exce
 
 def test_nothing_is_certified_outside():
     assert held(line(), np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
+    parting = np.array([0.9, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # ψ_1 < 0
+    assert held(double_integrators(1.0), parting, np.array([2.0, 0.0])) == 0.0
 
 
 def test_far_apart_all_is_certified():
@@ -207,6 +210,12 @@ def test_nothing_is_certified_for_longer_than_there_is_a_state():
     pair = certificate(Exploding(), [1.0], bounds=(0.0, 0.0))
     x = np.array([10.0, 0.0, 10.0, 100.0])
     assert held(pair, x, np.zeros(1)) < 0.1
+    members = [Member(name, Exploding(), False) for name in "ab"]
+    alone = compose(members, [], Separation(1.0), 1.0).alone(0)
+    bounds = [highest_within(alone, (0.0, 0.0), T) for T in (1e-3, 0.2)]
+    highest = CompiledFunction([alone.x], [ca.vertcat(*bounds)])(x)[0]
+    assert highest[0] < 0.0
+    assert highest[1] == np.inf
 
 
 @pytest.mark.parametrize(

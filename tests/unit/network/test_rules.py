@@ -216,10 +216,14 @@ def test_effects_are_counted_by_the_number_of_the_rule():
 
 
 def test_damage_to_one_copy_leaves_the_other():
-    stages = (Stage("a", Always(DUPLICATE)), Stage("b", OnlyFirst()))
+    stages = (
+        Stage("a", Always(DUPLICATE)),
+        Stage("b", OnlyFirst()),
+        Stage("c", Always(delay(0.5))),
+    )
     delivery = Link(0, "a", "b", LinkModel(stages)).fate(0)
     assert [copy.corrupt for copy in delivery.copies] == [True, False]
-    assert delivery.delay == 0.0
+    assert delivery.delay == 0.5
 
 
 @dataclass(frozen=True)

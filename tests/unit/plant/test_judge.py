@@ -83,7 +83,7 @@ def counted(judge: Judge, name: str) -> tuple[int, int, float | None]:
 
 @pytest.mark.slow
 def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
-    judge = judge_of()
+    judge = judge_of("agents.1.clock.period=0.05")  # of the adversaries
     for t in (0.0, 0.012, 0.020, 0.0325, 0.0425, 0.060):
         happen(judge, Sampled(1, t))
     assert counted(judge, "sampling gap") == (2, 5, 0.0325)
@@ -131,6 +131,14 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
     assert [each.step.oldest_input for each in judged] == [None, 0.005, 0.005, 0.005]
     assert counted(judge, "received inputs in force") == (5, 6, 0.005)
     assert counted(judge, "truthful broadcasts") == (2, 3, 0.005)
+
+
+def test_a_lie_of_an_input_that_came_late_is_not_in_force_though_it_states_that_time():
+    judge = judge_of()
+    apply(judge, 1, t=0.0, t_apply=0.002, u=(1.0, 0.0))
+    fates = (DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.002, (-1.0, 0.0))),)
+    apply(judge, 0, t=0.005, ages=((1, 0.003),), fates=fates)
+    assert counted(judge, "received inputs in force") == (1, 1, 0.005)
 
 
 def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_counts_too():

@@ -55,6 +55,16 @@ def test_knowledge_is_held_or_it_is_named_why_not_and_the_same_when_judged_again
     assert run.judge_again().theorem == run.summary.theorem
 
 
+def test_a_second_hold_that_is_too_long_counts_as_the_first_did():
+    faults = [{"kind": "actuator", "for": 0.2, **OF_TWO, "at": at} for at in (0.3, 1.0)]
+    failed = []
+    for number in (1, 2):
+        scenario = phalanx.load("radio", {**TWO, "faults": faults[:number]})
+        summary = phalanx.run(scenario, engine="in-process").summary
+        failed += [a.failed for a in summary.theorem if a.name == "knowledge held"]
+    assert failed[1] > 1.5 * failed[0] > 0
+
+
 def test_it_is_no_matter_where_one_state_is_believed():
     run = phalanx.run(phalanx.load("radio-naive", {**TWO, "faults": []}), engine="in-process")
     assert not [a for a in run.summary.theorem if a.name == "knowledge held"]

@@ -14,7 +14,7 @@ from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import STEEPEST, IntegratedMargin
 from phalanx.theory.margins.local import UNKNOWN, LocalMargin
-from phalanx.theory.margins.margin import PairRow, PaperMargin, RowPart
+from phalanx.theory.margins.margin import AgentMargin, PairRow, PaperMargin, RowPart
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.wheeled import Unicycle
@@ -291,3 +291,7 @@ def test_half_of_a_row_has_half_of_the_chains_disturbance():
     both = ca.vertcat(*[PaperMargin().at_sample(row) for row in rows])
     whole, half = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
     assert half == 0.5 * whole > 0.0
+    given = AgentMargin(PaperMargin(), 3.0, TAU, {m.name: 0.0 for m in chain.set.members})
+    both = ca.vertcat(*[given.of(chain, 0, part) - 3.0 * part.value for part in RowPart])
+    values = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
+    assert values.tolist() == pytest.approx([whole, half]), "and so of a margin that is given"

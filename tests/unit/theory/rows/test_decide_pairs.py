@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import polytope
-from phalanx.theory.rows.decision import decide_pairs
+from phalanx.theory.rows.decision import at_bound, decide_pairs
 from phalanx.theory.rows.least_violation import least_violation
 from phalanx.theory.rows.nearest_in_box import TOLERANCE
 from phalanx.theory.rows.origin import Origin
@@ -35,6 +35,12 @@ def test_the_qp_with_several_rows_keeps_them_all_and_is_nearest(seed):
     others = rng.uniform(-1, 1, (400, 2))
     feasible = others[(others @ a.T <= rows.bound).all(axis=1)]
     assert ((feasible - decision.u) @ (u_nom - decision.u) <= 1e-4).all()
+
+
+def test_an_input_is_at_a_bound_within_a_millionth_of_it_or_of_1():
+    rows = Rows(np.ones((5, 2)), np.array([0.0, 0.0, -3.0, -3.0, np.nan]), others=(4, 5, 6, 7, 8))
+    off = np.array([-9e-7, -1.1e-6, -3.9e-6, -4.1e-6, np.nan])
+    assert at_bound(rows, off) == (4, 6, 8)
 
 
 @given(seed=seeds)

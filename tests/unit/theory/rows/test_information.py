@@ -40,7 +40,7 @@ def test_a_silent_neighbour_is_counted_on_no_more():
     assert list(paper.usable(heard, 1.4)) == [1]
     assert list(paper.usable(heard, 1.6)) == []
     split = Split({0: 0.008, 1: 0.008}, 1.0)
-    assert split.sharing(0, {}, 0.9, (0, 1)) == [0, 1]
+    assert split.sharing(0, {}, 0.9, (0, 1, 2)) == [0, 1], "agent 2 is an adversary"
     assert split.sharing(0, {}, 1.1, (0, 1)) == [0]
     assert split.sharing(0, heard, 1.4, (0, 1)) == [0, 1]
     assert split.sharing(0, heard, 1.6, (0, 1)) == [0]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.rows.decision import decide
+from phalanx.theory.rows.decision import NotANumberError, decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
@@ -103,6 +103,8 @@ def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed)
     assert (by_agent > 0.0).all()
     assert by_agent.sum() == pytest.approx(1.0)
     assert (np.argsort(by_agent) == np.argsort(spans)).all()
+    idle = terms._replace(least=terms.most)  # no agent has any authority
+    assert shares(idle, NORMAL) == pytest.approx([1.0 / 3.0] * 3)
     bounds = [split_row(terms, i, NORMAL).bound - terms.least[i] for i in NORMAL]
     assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL))
 
@@ -138,6 +140,12 @@ def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
     assert terms.c[i] @ decision.u == pytest.approx(terms.least[i])
     assert (polytope.A @ decision.u <= polytope.b + 1e-8).all()
     assert decision.residual == pytest.approx(gap)
+
+
+def test_a_row_that_is_no_number_is_an_error_and_no_reason_to_back_up():
+    terms = terms_function()(draw_state(0)[1])
+    with pytest.raises(NotANumberError):
+        decide(terms, 0, Row(terms.c[0], np.nan), np.zeros(2), solver(0), 0.0)
 
 
 @pytest.mark.slow
