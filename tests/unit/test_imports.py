@@ -90,6 +90,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.recording.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
+    "phalanx.paper": COMMANDED | METRICS | CURVES | rooms("report"),
     "phalanx.studies.page": COMMANDED | rooms("report studies.statistics studies"),
     # Tests of a user's swarm, and the plugin of pytest that serves them.
     "phalanx.testing": COMMANDED | rooms("studies.statistics"),
@@ -142,6 +143,7 @@ BUDGET: Mapping[str, int] = {
 }
 EXTENSIONS = {
     "phalanx.recording.curves",
+    "phalanx.paper",
     "phalanx.report",
     "phalanx.studies.page",
     "phalanx_hosts",

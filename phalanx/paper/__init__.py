@@ -1,0 +1,1 @@
+"""The paper's simulations run again, and its figures drawn from them."""
