@@ -16,6 +16,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.laws.law import CheckedInput, StateBox, View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput, SafetyFilter
 
 
@@ -73,6 +74,18 @@ class Beliefs(Protocol):
         """
 
 
+class KeptInput(Protocol):
+    """The input that a rule lets through, or puts in its place."""
+
+    @property
+    def u(self) -> Array:
+        """Shape (m_i,)."""
+
+    @property
+    def accepted(self) -> bool:
+        """True if it is the one that was asked for."""
+
+
 class RadioFilter(SafetyFilter, Protocol):
     """The filter of an agent that knows peers by radio."""
 
@@ -126,11 +139,25 @@ class DistributedController:
         elif group.filter:
             self._wish = part_of_agent("agents.controller")(rows, i).wish
         self._latency = swarm.time.latency
+        self.keeper: Callable[..., KeptInput] | None = None
+        if swarm.safety.committed and not swarm.members[i].adversary:
+            self.keeper = part_of_agent("safety.keep")(swarm, i)
 
     def __call__(
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide, as an AgentController does."""
+        """Decide, as an AgentController does, by the fallback where none would remain."""
+        result = self._decided(x, visible, t, received)
+        if self.keeper is None:
+            return result
+        kept = self.keeper(t, x, visible, result.decision.u)
+        if kept.accepted:
+            return result
+        return replace(result, decision=replace(result.decision, u=kept.u, origin=Origin.FALLBACK))
+
+    def _decided(
+        self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
         radio, convictions = self.radio, tuple[Conviction, ...]()
         if radio is not None:
             x, visible = radio.with_beliefs(x, visible, t, received)

@@ -206,7 +206,10 @@ def _details(finished: "Run") -> dict[str, str]:
         normal = [swarm.names[i] for i in swarm.normal]
         task = in_words(metrics_of(finished.recording, swarm), normal)
         rows = {"task": task, "broadcasts": traffic_in_words(swarm)}
-        if (summary := finished.summary) and summary.deadlocks:
+        summary = finished.summary
+        if summary and summary.promise:
+            rows["promise"] = str(summary.promise)
+        if summary and summary.deadlocks:
             why = f"phalanx explain {finished.folder} --stuck"
             rows["waiting"] = f"{waiting_in_words(summary.deadlocks)}; why: {why}"
         return rows

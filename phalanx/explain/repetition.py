@@ -69,9 +69,10 @@ class ControllerSteps:
     def under(self, rows: SafetyRows) -> "ControllerSteps":
         """Decide the same steps, with the same wishes, by other rows, which may see less far.
 
-        The last step alone, unless radio has a memory. A law may have one too: it is not asked.
+        The last step alone, unless radio or a fallback has a memory. A law may have one: it is not
+        asked.
         """
-        first = 0 if self.controller.radio else len(self.steps) - 1
+        first = 0 if self.controller.radio or self.controller.keeper else len(self.steps) - 1
         other = ControllerSteps(rows, self.i, self._wishes[first:])
         for step in self.steps[first:]:
             near = set(rows.swarm.seen(self.i, step.x))  # of those out of sight x is no number

@@ -18,6 +18,7 @@ from phalanx.guarantee.formula import (
     worst_pair,
 )
 from phalanx.guarantee.kept_distance import kept_distances
+from phalanx.guarantee.promise import grades
 from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.radio_reach import radio_reach
 from phalanx.guarantee.start import (
@@ -98,6 +99,7 @@ def check(
         gaps=proof_gaps(swarm),
         certified=certified,
         promised=promise,
+        grades=grades(swarm),
         kept_distance=kept_distances(rows),
         radio=radio_reach(swarm),
     )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from phalanx.guarantee.formula import Formula
 from phalanx.guarantee.kept_distance import KeptDistance
+from phalanx.guarantee.promise import Grades
 from phalanx.guarantee.radio_reach import RadioReach
 from phalanx.guarantee.start import CertifiedStart, Promise
 
@@ -84,6 +85,8 @@ class CheckReport:
     """Certificates at the start, on which the verdict rests."""
     promised: Promise
     """The time for which all pairs are safe, proven before a run."""
+    grades: Grades = Grades()  # noqa: RUF009
+    """What is promised of pairs before a run, if agents keep fallbacks."""
     kept_distance: KeptDistance | None = None
     """At rest before one another; None if it is not known."""
     radio: RadioReach | None = None

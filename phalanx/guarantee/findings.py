@@ -45,7 +45,8 @@ def findings(
         efforts: where rows read no roles, the mean ‖u - u_nom‖ at x(0), and with halves of pairs.
     """
     return [
-        Finding(None, [str(report.promised), *_foreign_world(swarm)]),
+        Finding(None, [str(report.promised), *report.grades.sentences(swarm.safety.committed)]),
+        Finding(None, _foreign_world(swarm)),
         Finding(Requirement("relative degree q", str(report.relative_degree), "any", "", True)),
         *_start(swarm, report),
         _certificates(report),

@@ -169,6 +169,56 @@ class TrustSummary(msgspec.Struct):
         ]
 
 
+class BrokenPromise(msgspec.Struct):
+    """The first event that broke an agent's part of a promise."""
+
+    agent: str
+    t: float
+    """[s]"""
+    why: str
+
+
+class PromiseSummary(msgspec.Struct):
+    """The promise made before a run; see docs/promise.md. It is no part of the outcome."""
+
+    for_ever: int
+    """Pairs for which it was kept that never come closer than they may."""
+    passively: int
+    """Pairs for which it was kept whose agent hits nothing while it moves by itself."""
+    promised: int
+    """Pairs that were promised anything."""
+    broken: list[BrokenPromise] = []
+    """By the first event of each agent."""
+    turned: dict[str, float] = {}
+    """Agents that turned, with the time [s]: others keep passively what they had for ever."""
+    refused: str = ""
+    """Why nothing was promised."""
+
+    @property
+    def kept(self) -> bool:
+        """True if something was promised, and nothing broke it."""
+        return bool(self.promised) and not self.broken
+
+    @property
+    def lost_at(self) -> float | None:
+        """Time at which the first fallback was lost [s]; None if none was."""
+        return self.broken[0].t if self.broken else None
+
+    def __str__(self) -> str:
+        if not self.promised:
+            return f"nothing was promised{f': {self.refused}' if self.refused else ''}"
+        pairs = f"{self.for_ever + self.passively} of {self.promised} pairs"
+        words = f"kept for {pairs} ({self.for_ever} for ever, {self.passively} passively)"
+        if self.turned:
+            turns = ", ".join(f"{name} at {t:.3f} s" for name, t in self.turned.items())
+            words += f"; turned, and promised nothing since: {turns}"
+        if self.broken:
+            first = self.broken[0]
+            more = f" and {len(self.broken) - 1} more" if len(self.broken) > 1 else ""
+            words += f"; broken at {first.t:.3f} s by {first.agent}: {first.why}{more}"
+        return words
+
+
 class FaultCount(msgspec.Struct):
     """A fault that the scenario declares, and the number of its effects."""
 
@@ -286,6 +336,8 @@ class Summary(msgspec.Struct):
     """None unless agents watch each other, or know peers by radio."""
     deadlocks: list[Deadlock] | None = None
     """Of normal agents; None in older recordings."""
+    promise: PromiseSummary | None = None
+    """None unless agents keep fallbacks, by safety.keep."""
     lost: list[str] = []
     """Agents that became unreachable in real time: when, and what they had reported."""
 
@@ -308,6 +360,7 @@ class Summary(msgspec.Struct):
             ("control steps of normal agents", steps),
             ("assumptions that failed", failed),
             ("certified", certified(self)),
+            *([("promise", str(self.promise))] if self.promise else []),
             ("real-time factor", f"{self.real_time_factor:.1f}"),
             ("trajectory", self.trajectory[:16]),
         ]

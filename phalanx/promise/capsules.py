@@ -7,7 +7,7 @@ import numpy as np
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.obstacles import Obstacle, Sphere
 
 ROUNDING = 1e-6
 """Allowed for rounding in every distance [m]."""
@@ -38,23 +38,44 @@ class Capsules(NamedTuple):
         least: Array = np.minimum.reduce(gaps, axis=0, initial=np.inf) - ROUNDING
         return least
 
-    def gaps_to(self, obstacles: Sequence[Obstacle]) -> Array:
-        """Return by how much these keep more than each obstacle's clearance; shape (m,) [m].
+
+class Statics:
+    """Static obstacles, each with the clearance that is kept from it."""
+
+    def __init__(self, obstacles: Sequence[Obstacle]) -> None:
+        """Keep spheres as balls, for all of which one call does."""
+        self._count = len(obstacles)
+        spheres = {k: o for k, o in enumerate(obstacles) if isinstance(o, Sphere)}
+        self._solids = {k: o for k, o in enumerate(obstacles) if not isinstance(o, Sphere)}
+        self._numbers = [*spheres]
+        centers = np.array([o.center for o in spheres.values()])
+        self._spheres = balls(centers, np.array([o.clearance for o in spheres.values()]))
+
+    def gaps(self, capsules: Capsules) -> Array:
+        """Return by how much capsules keep more than each clearance at least; (m,) [m].
 
         A distance from an obstacle changes by at most 1 m for each metre. So between two points
         it is at least the mean of theirs, less half of the way from one to the other.
         """
-        shares = np.linspace(0.0, 1.0, _POINTS)[:, None]
-        along = self.end - self.begin
-        points = (self.begin[:, None] + shares * along[:, None]).reshape(-1, along.shape[1])
-        half_step = 0.5 * length(along) / (_POINTS - 1)
-        gaps = np.empty(len(obstacles))
-        for k, obstacle in enumerate(obstacles):
-            at = obstacle.distances(points).reshape(len(along), _POINTS)
-            lowest = np.minimum.reduce(0.5 * (at[:, 1:] + at[:, :-1]), axis=1)
-            lowest = lowest - half_step - self.radius
-            gaps[k] = np.minimum.reduce(lowest, initial=np.inf) - obstacle.clearance - ROUNDING
+        gaps = np.empty(self._count)
+        if self._numbers:
+            gaps[self._numbers] = capsules.gaps(self._spheres)
+        for k, obstacle in self._solids.items():
+            gap = _least(capsules, obstacle, 2)
+            # Most are far: there the ends are enough.
+            gaps[k] = gap if gap >= 0.0 else _least(capsules, obstacle, _POINTS)
         return gaps
+
+
+def _least(capsules: Capsules, obstacle: Obstacle, count: int) -> float:
+    """The gap to an obstacle, from so many points of each segment."""
+    shares = np.linspace(0.0, 1.0, count)[:, None]
+    along = capsules.end - capsules.begin
+    points = (capsules.begin[:, None] + shares * along[:, None]).reshape(-1, along.shape[1])
+    at = obstacle.distances(points).reshape(len(along), count)
+    between = np.minimum.reduce(0.5 * (at[:, 1:] + at[:, :-1]), axis=1)
+    least = between - 0.5 * length(along) / (count - 1) - capsules.radius
+    return float(least.min(initial=np.inf)) - obstacle.clearance - ROUNDING
 
 
 def balls(centers: Array, radius: Array) -> Capsules:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.promise.capsules import Capsules
+from phalanx.promise.capsules import Capsules, Statics
 from phalanx.promise.hold import Fallback, Reference, continued, started, tracked
 from phalanx.theory.arrays import Array
 from phalanx.theory.safety.obstacles import Obstacle
@@ -46,7 +46,7 @@ class Commitment:
 
     def __init__(self, fallback: Fallback, radius: float, obstacles: Sequence[Obstacle]) -> None:
         """radius: R, the required distance of output points [m]."""
-        self.fallback, self._radius, self._obstacles = fallback, radius, obstacles
+        self.fallback, self._radius, self._obstacles = fallback, radius, Statics(obstacles)
         self.reference = None
         self._next: Reference | None = None
         """The fallback's at the last sample."""
@@ -70,7 +70,7 @@ class Commitment:
         return Room(
             tube.gaps(peers) - self._radius,
             tube.gaps(members) - self._radius,
-            tube.gaps_to(self._obstacles),
+            self._obstacles.gaps(tube),
         )
 
     def follow(self, accepted: bool) -> None:

@@ -37,7 +37,6 @@ from phalanx.theory.rows.origin import (
     OF_PROOFS,
     Origin,
     origin_label,
-    origins_of_normal,
 )
 
 REPORT = "report.html"
@@ -277,6 +276,8 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
         kinds += f"; certified for too short at first: {proofs}"
     if Origin.BRAKE in counts:
         kinds += f"; {counts[Origin.BRAKE]} steps braked for what was not known"
+    if Origin.FALLBACK in counts:
+        kinds += f"; {counts[Origin.FALLBACK]} steps by a fallback, to keep a promise"
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),
@@ -291,6 +292,7 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
             ("Worst pair", summary.worst_pair),
             ("Largest h_tot", f"{summary.largest_h_tot:.6g} at {summary.largest_h_tot_at:.3f} s"),
             ("Certified", certified(summary)),
+            *([("Promise", str(summary.promise))] if summary.promise else []),
             ("Wall time", f"{summary.wall_time:.3f} s"),
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
             ("Trajectory, SHA-256", summary.trajectory),
@@ -301,10 +303,7 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
 
 def origins(recording: Recording) -> dict[str, int]:
     """Count recorded steps of normal agents by the origin of their input."""
-    has_controllers = any(group.controller for group in recording.scenario.agents)
-    proofs, radio = recording.scenario.safety.prove, any(g.radio for g in recording.scenario.agents)
-    possible = origins_of_normal(has_controllers, proofs, radio)
-    counts = {str(origin): 0 for origin in possible}
+    counts = {str(origin): 0 for origin in swarm_of(recording).origins}
     for step in recording.steps:
         if step.origin in counts:
             counts[step.origin] += 1

@@ -77,6 +77,9 @@ class Safety(Strict):
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
 
+    keep: Literal["hold"] | None = None
+    """The fallback that agents always keep, of which pairs are promised: stop, and hold a place."""
+
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()
 
@@ -102,6 +105,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.prove:
             message = "expected false: a centralised controller proves no inputs"
             raise field_error(("prove",), message, self.prove)
+        if self.control == "centralised" and self.keep:
+            message = "expected none: each agent keeps a fallback of its own"
+            raise field_error(("keep",), message, self.keep)
         if self.control == "centralised" and not self._named.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
             raise field_error(("information",), message, self.information)
@@ -145,6 +151,11 @@ class Safety(Strict):
     def information_model(self) -> type[Information]:
         """Assumptions of rows on the other normal agents' inputs."""
         return Together if self.centralised else self._named
+
+    @property
+    def committed(self) -> bool:
+        """True if agents apply an input only if a fallback remains after it."""
+        return self.keep is not None
 
     def build_information(self, unchanged: Mapping[int, float]) -> Information:
         """Build the information model; unchanged: Γ_l - δ_l^max of each normal agent [s]."""

@@ -24,7 +24,7 @@ from phalanx.theory.models.polytope import Box, Polytope, constant_polytope, pol
 from phalanx.theory.models.wheeled import DifferentialDrive, Unicycle
 from phalanx.theory.rows.row import Rows
 
-_MovedByVelocity = SingleIntegrator | Unicycle | DifferentialDrive
+MovedByVelocity = SingleIntegrator | Unicycle | DifferentialDrive
 
 
 class AgentPoint:
@@ -93,39 +93,41 @@ class OutputPoint(AgentPoint):
         return _solved(self._unturned.T, self._map(x)[1])
 
 
-def agent_point(swarm: Swarm, i: int) -> AgentPoint:
-    """Return agent i as others know it. Raises ScenarioError for dynamics that are no points."""
+def agent_point(swarm: Swarm, i: int, defect: float = 0.0) -> AgentPoint:
+    """Return agent i as others know it; defect: added to the bound of its disturbance.
+
+    Raises ScenarioError for dynamics that are no points.
+    """
     dynamics, group = swarm.members[i].dynamics, swarm.groups[i]
-    if not isinstance(dynamics, DoubleIntegrator | _MovedByVelocity):
+    if not isinstance(dynamics, DoubleIntegrator | MovedByVelocity):
         raise ScenarioError(
             f"{swarm.scenario.name}: agents of {swarm.names[i]}: expected a single- or "
-            "double-integrator, a unicycle or a differential-drive where there is a radio, got "
-            f"{group.dynamics['type']}"
+            "double-integrator, a unicycle or a differential-drive where there is a radio or "
+            f"safety.keep, got {group.dynamics['type']}"
         )
-    return swarm.functions.get(("point", swarm.group_numbers[i]), partial(_point, swarm, i))
+    key = "point", swarm.group_numbers[i], defect
+    return swarm.functions.get(key, partial(built_point, swarm, i, defect))
 
 
-def _point(swarm: Swarm, i: int) -> AgentPoint:
+def built_point(swarm: Swarm, i: int, defect: float) -> AgentPoint:
+    """Build what agent_point keeps."""
     dynamics, group = swarm.members[i].dynamics, swarm.groups[i]
-    radio, bound = group.radio, group.disturbance.bound
-    assert radio is not None
+    radio, bound = group.radio, group.disturbance.bound + defect
+    errors = (radio.position_error, radio.speed_error) if radio else (0.0, 0.0)
     inputs = constant_polytope(*dynamics.input_polytope(ca.SX.zeros(len(dynamics.states))))
     assert inputs is not None
     assert inputs.box is not None
     clock = swarm.horizon(i), group.clock.period - group.clock.jitter
     if isinstance(dynamics, DoubleIntegrator):
         size = dynamics.dimension, dynamics.acceleration, dynamics.drag
-        errors = radio.position_error, radio.speed_error
         return AgentPoint(PointMotion(*size, bound, *clock, *errors), inputs.box)
-    assert isinstance(dynamics, _MovedByVelocity)
+    assert isinstance(dynamics, MovedByVelocity)
     velocities = _velocities(dynamics, inputs, bound)
-    return OutputPoint(
-        dynamics, VelocityMotion(*velocities, *clock, radio.position_error), inputs.box
-    )
+    return OutputPoint(dynamics, VelocityMotion(*velocities, *clock, errors[0]), inputs.box)
 
 
 def _velocities(
-    dynamics: _MovedByVelocity, inputs: Polytope, bound: float
+    dynamics: MovedByVelocity, inputs: Polytope, bound: float
 ) -> tuple[Polytope, float, float]:
     """Return the output point's velocities at heading 0, the bound on its φ, and on its turning.
 

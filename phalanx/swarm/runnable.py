@@ -117,6 +117,8 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
         controller(view, u_nom, x, tuple(view.x), 0.0, {})
     if rows.swarm.peers(i):
         part_of_agent("agents.radio")(rows, i)
+    if rows.swarm.safety.committed and not rows.swarm.members[i].adversary:
+        part_of_agent("safety.keep")(rows.swarm, i)
 
 
 def first_nominal(rows: SafetyRows, i: int, x: Array) -> tuple[View, Array]:

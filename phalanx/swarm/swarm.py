@@ -25,6 +25,7 @@ from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.models.world import moves_by_itself
 from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
@@ -285,6 +286,12 @@ class Swarm:
     def controllers(self) -> bool:
         """True if some normal agent has a controller other than the paper's filter."""
         return not all(group.filtered for group in self.groups)
+
+    @property
+    def origins(self) -> list[Origin]:
+        """The origins that inputs of normal agents may have."""
+        safety = self.safety
+        return origins_of_normal(self.controllers, safety.prove, self.by_radio, safety.committed)
 
     def goal(self, i: int) -> AgentGoal:
         """Build agent i's goal; it may keep state, so that each controller has one of its own."""

@@ -107,6 +107,14 @@ class CheckedRun(Run):
         return f"{waiting}: phalanx explain {self.folder} --stuck" if deadlocks else None
 
     @claim
+    def assert_promise_kept(self) -> str | None:
+        """Claim that pairs were promised something before the run, and that nothing broke it."""
+        promise = self.summary.promise if self.summary else None
+        if promise is None:
+            return "nothing was promised: no agent keeps a fallback (safety.keep)"
+        return None if promise.kept else str(promise)
+
+    @claim
     def assert_recovers(self, after: str, within: float) -> str | None:
         """Claim that all is well from some time after the end of each fault on, until the next.
 

@@ -116,28 +116,28 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 # Most lines of each room of phalanx/ and of each program, in all languages. A change that needs
 # more says in its commit what pays for it.
 BUDGET: Mapping[str, int] = {
-    "agent": 1220,
+    "agent": 1245,
     "cli": 1505,
     "explain": 810,
     "faults": 1030,
-    "guarantee": 2705,
+    "guarantee": 2885,
     "knowledge": 1580,
     "launcher": 2320,
     "messages": 915,
     "native": 300,
     "network": 1415,
-    "plant": 5165,
+    "plant": 5345,
     "promise": 440,
     "pytest": 340,
     "recording": 2325,
     "report": 2010,
-    "scenario": 1640,
-    "schema": 945,
+    "scenario": 1650,
+    "schema": 950,
     "seeded": 180,
     "studies": 2130,
-    "swarm": 2005,
+    "swarm": 2250,
     "testing": 910,
-    "theory": 9255,
+    "theory": 9265,
     "viewer": 5010,
     "wire": 600,
 }
@@ -327,7 +327,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_270), ("phalanx.launcher.simulation", 22_145)]
+    ("program", "most"), [("phalanx_agent.main", 15_290), ("phalanx.launcher.simulation", 22_255)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -16,6 +16,8 @@ class Origin(StrEnum):
     """K_i was empty, but the agent cannot move ψ_q: its nominal input, projected onto U_i."""
     BRAKE = "brake"
     """By radio: of its own parts only the brake's was small enough, or it holds its place."""
+    FALLBACK = "fallback"
+    """With safety.keep: after the input of filter or controller no fallback would have remained."""
     PROVEN = "proven"
     """With safety.prove: the QP also had whole rows, for pairs certified for too short a time."""
     LONGEST = "longest-certified"
@@ -31,6 +33,9 @@ class Origin(StrEnum):
 EMPTY = (Origin.BACKUP, Origin.NO_AUTHORITY)
 """The origins of inputs for which K_i was empty."""
 
+OF_NO_ROWS = (*EMPTY, Origin.LONGEST, Origin.FALLBACK)
+"""The origins of inputs that no agent's rows made."""
+
 OF_CONTROLLERS = (Origin.CONTROLLER, Origin.PROJECTED)
 """The origins of inputs that no row made: nothing is known of K_i."""
 
@@ -39,15 +44,18 @@ OF_PROOFS = (Origin.PROVEN, Origin.LONGEST)
 """The origins of inputs that replaced one certified for too short a time."""
 
 
-def origins_of_normal(controllers: bool, proofs: bool = False, radio: bool = False) -> list[Origin]:
+def origins_of_normal(
+    controllers: bool, proofs: bool = False, radio: bool = False, fallbacks: bool = False
+) -> list[Origin]:
     """Return the origins that inputs of normal agents may have.
 
     controllers: some have a controller of their own. proofs: agents prove their inputs. radio: some
-    know others by radio.
+    know others by radio. fallbacks: they keep one.
     """
     absent = {Origin.ATTACK} if controllers else {Origin.ATTACK, *OF_CONTROLLERS}
     absent |= set() if proofs else set(OF_PROOFS)
     absent |= set() if radio else {Origin.BRAKE}
+    absent |= set() if fallbacks else {Origin.FALLBACK}
     return [origin for origin in Origin if origin not in absent]
 
 

@@ -7,6 +7,7 @@ lower bound of it takes its place.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 from typing import Annotated, Any
 
@@ -182,7 +183,7 @@ class Box(_Solid):
         # Both faces of a side err by ε together, at most.
         return sqrt(added(squares)) - math.sqrt(len(q)) * self.rounding
 
-    @property
+    @cached_property
     def _axes(self) -> Array:
         """Directions of the sides, shape (d, d)."""
         axes = np.eye(len(self.center))
@@ -256,7 +257,7 @@ class Polygon(_Solid):
         offsets = np.array(self.corners) - np.array(self.center)
         return np.array(self.corners)[np.argsort(np.arctan2(offsets[:, 1], offsets[:, 0]))]
 
-    @property
+    @cached_property
     def _faces(self) -> list[tuple[Array, float]]:
         """Unit normals n and offsets b of its edges, and of lines through its acute corners."""
         corners = self._around
@@ -270,7 +271,7 @@ class Polygon(_Solid):
             faces.append((n, float(dot(n, corner))))
         return faces
 
-    @property
+    @cached_property
     def _largest_sum(self) -> float:
         """C, from directions less than 2 / _SAMPLED apart; the sum's slope is below 1.3 a face."""
         along = np.linspace(-1.0, 1.0, _SAMPLED + 1)

@@ -16,7 +16,7 @@ from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.decision import Decision
-from phalanx.theory.rows.origin import Origin, origins_of_normal
+from phalanx.theory.rows.origin import Origin
 from phalanx_plant.world.world import Actuators
 
 _MOST_QUOTED = 500
@@ -45,8 +45,7 @@ class Answers:
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
         self._latency = swarm.time.latency
-        possible = origins_of_normal(swarm.controllers, swarm.safety.prove, swarm.by_radio)
-        self._origins = {Origin.ATTACK, *possible}
+        self._origins = {Origin.ATTACK, *swarm.origins}
         self._samples: dict[int, Sample] = {}
         self._inputs: dict[int, Array] = {}
         self._answered = dict.fromkeys(range(self._agents), -1)

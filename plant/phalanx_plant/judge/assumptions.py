@@ -13,7 +13,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.world import WorldNote
-from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
+from phalanx.theory.rows.origin import OF_CONTROLLERS, OF_NO_ROWS, Origin
 from phalanx_plant.judge.claims import Claims
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
@@ -225,7 +225,7 @@ class Assumptions:
         """Check the control step of a normal agent."""
         t = event.t_sample
         if telemetry.report.origin not in OF_CONTROLLERS:
-            self._rows.check(telemetry.report.origin not in (*EMPTY, Origin.LONGEST), t)
+            self._rows.check(telemetry.report.origin not in OF_NO_ROWS, t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
             held = abs(self._in_force[other] - (t - age)) <= _ROUNDING

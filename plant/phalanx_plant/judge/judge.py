@@ -18,6 +18,7 @@ from phalanx.guarantee.verdict import (
     CertificateSummary,
     Convicted,
     Deadlock,
+    PromiseSummary,
     TrustSummary,
     Violation,
 )
@@ -32,7 +33,7 @@ from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.world import WorldNote
-from phalanx.theory.rows.origin import Origin, origins_of_normal
+from phalanx.theory.rows.origin import Origin
 from phalanx_plant.judge.assumptions import Assumptions
 from phalanx_plant.judge.claims import Claims, Finding
 from phalanx_plant.judge.coverage import Coverage
@@ -84,6 +85,7 @@ class Findings(Struct):
     """None if no pair was excluded."""
     trust: TrustSummary | None
     deadlocks: list[Deadlock]
+    promise: PromiseSummary | None
     rejected: dict[str, int]
     """Payloads that agents dropped, by agent, if there are any."""
     lost: list[str]
@@ -103,12 +105,14 @@ class Judge:
         self.claims = Claims(swarm)
         self._knowledge = part_of_agent("agents.radio judged")(swarm) if swarm.by_radio else None
         self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims)
+        self._promise = (
+            part_of_agent("safety.keep judged")(swarm) if swarm.safety.committed else None
+        )
+        self._t = 0.0
+        """Time of the last state [s]."""
         self._steps = 0
         """Inputs applied."""
-        self._origins = {
-            str(o): 0
-            for o in origins_of_normal(swarm.controllers, swarm.safety.prove, swarm.by_radio)
-        }
+        self._origins = {str(o): 0 for o in swarm.origins}
         """Steps of normal agents by how their input was made."""
         self._names, self._latency = swarm.names, swarm.time.latency
         self._with_radio = frozenset(i for i in swarm.normal if swarm.peers(i))
@@ -119,6 +123,8 @@ class Judge:
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
         self._convictions: list[Convicted] = []
+        self._truthful = dict[int, bool]()
+        """By agent, whether its last sample had the true state."""
         self._watch = DeadlockWatch(swarm)
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
@@ -144,6 +150,7 @@ class Judge:
             excluded=extremes.excluded(),
             trust=self._trust,
             deadlocks=self._watch.deadlocks,
+            promise=self._promise and self._promise.summary(self._t, extremes.violations()),
             rejected={f"by agent {name}": now + old for name, now, old in counts if now + old},
             lost=self._lost_members,
         )
@@ -179,6 +186,9 @@ class Judge:
                     number += 1
                 case Sampled():
                     self.assumptions.sampled(event)
+                    self._truthful[event.i] = event.truthful
+                    if self._promise is not None:
+                        self._promise.sampled(event.i, event.t)
                 case InputApplied(telemetry=Telemetry() as telemetry):
                     judged.append(self._applied(event, telemetry, next(proven)))
                 case CommandApplied():
@@ -206,10 +216,19 @@ class Judge:
             for piece in history:
                 if type(piece) is DisturbanceKnot or type(piece) is WorldNote:
                     self.assumptions.add(piece)
+                    self._add_to_promise(piece)
         for steps in evaluated:
             self.extremes.add(steps)
             self.assumptions.moved(steps)
         return None
+
+    def _add_to_promise(self, piece: DisturbanceKnot | WorldNote) -> None:
+        if self._promise is None:
+            return
+        if isinstance(piece, DisturbanceKnot):
+            self._promise.disturbed(piece)
+        elif piece.fails:
+            self._promise.failed(piece.t, piece.text)
 
     def diverged(self, evaluated: Sequence[EvaluatedSteps]) -> tuple[int, DivergedError] | None:
         """Return the number of the first history that is not finite, and the error."""
@@ -233,6 +252,7 @@ class Judge:
         )
 
     def _reached(self, event: StateReached, number: int) -> Judged:
+        self._t = event.t
         self.coverage.reached(event.t)
         self.assumptions.reached(event)
         peak, crossings = self.extremes.take(number)
@@ -259,6 +279,8 @@ class Judge:
                 self.claims.faults[command.fault] += 1
             if effect.new_condition is not None and effect.new_condition.silent:
                 self.assumptions.fell_silent(i, command.t)
+                if self._promise is not None:
+                    self._promise.fell_silent(i)
             if effect.new_condition is Condition.TURNED:
                 self._turn(i, command.t)
             if effect.process is ProcessChange.STARTS:
@@ -266,6 +288,8 @@ class Judge:
                 self._rejected[i] = 0
                 if self._knowledge is not None:
                     self._knowledge.restarted(i)
+                if self._promise is not None:
+                    self._promise.restarted(i)
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
         level = Level.WARNING if command.is_failure else Level.INFO
@@ -278,6 +302,8 @@ class Judge:
         """
         self._turned.add(i)
         self.assumptions.turned(i)
+        if self._promise is not None:
+            self._promise.turned(i, t)
         excluded = np.flatnonzero(self._swarm.without_normal(self._turned))
         self.extremes.exclude(excluded, t)
         self.evaluation.pairs.excluded[excluded] = True
@@ -289,6 +315,9 @@ class Judge:
         origin = telemetry.report.origin
         self.claims.add_truth(i, event.k, self._truth(event), event.t_apply)
         self.assumptions.applied(event, telemetry)
+        if self._promise is not None:
+            x = self.assumptions.state_at_sample(i)
+            self._promise.applied(event, x, self._truthful[i])
         self._steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
             self._origins[origin] += 1
@@ -307,6 +336,8 @@ class Judge:
         received, notices = self._report(event, telemetry)
         self.claims.add_truth(event.i, event.k, self._truth(event), np.inf)
         self.assumptions.lost(event)
+        if self._promise is not None:
+            self._promise.lost(event.i, event.t_due)
         notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
         return Judged(event, notices, received=received)
 

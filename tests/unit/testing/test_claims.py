@@ -24,6 +24,8 @@ RUNS = {
     "watched": {"overrides": WATCHED, "faults": [LIE]},
     "killed": {"faults": [kill("b", at=0.3)]},
     "head-on": {"overrides": HEAD_ON},
+    "promised": {"overrides": UNFILTERED | {"safety.keep": "hold"}},
+    "promise lost": {"overrides": {"safety.keep": "hold"}, "faults": [kill("b", at=0.3)]},
 }
 
 
@@ -38,6 +40,7 @@ KEPT = [
     ("plain", "never_closer", {"distance": 1.2}),
     ("plain", "arrives", {"by": 2.9}),
     ("plain", "no_deadlock", {}),
+    ("promised", "promise_kept", {}),
     ("cut", "recovers", {"after": "partition", "within": 0.2}),
     ("plain", "never", {"predicate": lambda now: now.h["a-b"] > 0.0}),
     ("plain", "eventually", {"predicate": lambda now: now.states["a"][0] > 1.0, "by": 2.9}),
@@ -52,6 +55,8 @@ BROKEN = [
     ("plain", "arrives", {"by": 0.5}, r"\w was there from t = \d\.\d+ s on"),
     ("killed", "arrives", {"by": 2.9}, r"b ended \S+ m from its goal"),
     ("head-on", "no_deadlock", {}, r"\w for \w \(\S+ to \S+ s\), .*: phalanx explain /\S+"),
+    ("plain", "promise_kept", {}, "nothing was promised: no agent keeps a fallback"),
+    ("promise lost", "promise_kept", {}, r"broken at 0\.\d+ s by b: it fell silent"),
     ("plain", "recovers", {"after": "partition", "within": 0.2}, "no such fault"),
     ("cut", "recovers", {"after": "partition", "within": 2.0}, "it lasts until t = 1 s"),
     ("late", "recovers", {"after": "partition", "within": 0.1}, "it lasts until t = 6 s"),

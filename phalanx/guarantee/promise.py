@@ -1,0 +1,124 @@
+"""Promises before a run: which pairs keep their distance for ever, or passively, and why not.
+
+At t = 0 an agent is committed to no input until its first sample, then its fallback. Two of these
+tubes R apart, and the rule of commitments, keep a pair of normal agents *for ever*. *Passively* an
+agent hits no other while it moves by itself, though it may be hit once it stands.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.promise.capsules import Capsules, joined
+from phalanx.swarm.keep import Keeper, Refusal, refusals_of
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
+
+_MOST = 6
+"""Most pairs that a sentence names."""
+
+
+_Spare = dict[tuple[int, int], float]
+"""What pairs have to spare at the start [m]: two agents; an agent and a member, or obstacle."""
+
+
+class Grades(NamedTuple):
+    """The grade of each pair with a normal agent, by its label."""
+
+    for_ever: tuple[str, ...] = ()
+    passively: tuple[str, ...] = ()
+    short: Mapping[str, str] = {}
+    """By pair the number that is short, and the value that would do."""
+    refusals: tuple[str, ...] = ()
+    """What keeps whole agents from any promise."""
+    sides: frozenset[tuple[int, int]] = frozenset()
+    """Agents that are promised not to hit a member themselves: (agent, member)."""
+
+    def sentences(self, committed: bool) -> list[str]:
+        """Return what is promised; committed: whether agents keep the rule in a run."""
+        if self.refusals and not self.for_ever and not self.passively:
+            short = [why for why in self.refusals if why.startswith("disturbance.bound")]
+            return [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
+        with_rule = "" if committed else "With safety.keep = 'hold': p"
+        promise = f"{with_rule or 'P'}romised before the run, under any filter and network: "
+        parts = [
+            f"{_listed(pairs)} {grade}"
+            for pairs, grade in ((self.for_ever, "for ever"), (self.passively, "passively"))
+            if pairs
+        ]
+        words = [promise + ("; ".join(parts) or "nothing") + "."]
+        if self.passively and committed:
+            words.append(
+                "Passively: an agent hits no other while it moves by itself, whatever attacks; one "
+                "that stands may be hit."
+            )
+        lacking = [f"{pair}: {why}" for pair, why in self.short.items()]
+        if lacking:
+            more = f"; {len(lacking) - _MOST} more" if len(lacking) > _MOST else ""
+            words.append(f"Not promised: {'; '.join(lacking[:_MOST])}{more}.")
+        return words
+
+
+def grades(swarm: Swarm) -> Grades:
+    """Return the grades of all pairs at x(0)."""
+    x, refusals = swarm.start(), dict[int, Refusal]()
+    for i in swarm.normal:
+        if found := refusals_of(swarm, i):
+            refusals[i] = found[0]
+    if refusals:
+        return Grades(refusals=tuple(dict.fromkeys(map(str, refusals.values()))))
+    keepers = {i: Keeper(swarm, i) for i in swarm.normal}
+    distances, passive, to_obstacles = _Spare(), _Spare(), _Spare()
+    everyone = tuple(range(len(swarm.members)))
+    tubes = {i: keeper.tube(x, _nothing(swarm, i)) for i, keeper in keepers.items()}
+    for i, keeper in keepers.items():
+        room = keeper.room(x, everyone, _nothing(swarm, i))
+        others = [l for l in everyone if l != i]
+        passive |= {(i, l): gap for l, gap in zip(others, room.members.tolist(), strict=True)}
+        to_obstacles |= {(i, k): gap for k, gap in enumerate(room.obstacles.tolist())}
+        later = {l: tubes[l] for l in keeper.peers if l > i}
+        if later:
+            for l, gap in _gaps(tubes[i], later).items():
+                distances[i, l] = gap - keeper.radius
+    return _graded(swarm, distances, passive, to_obstacles)
+
+
+def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spare) -> Grades:
+    """Return the grades."""
+    for_ever, passively, short = list[str](), list[str](), dict[str, str]()
+    members = len(swarm.members)
+    for pair in swarm.safe_set.pairs:
+        (a, b), label = pair[:2], swarm.safe_set.label(pair)
+        of_agents = [(i, l) for i, l in ((a, b), (b, a)) if i in swarm.normal]
+        if b >= members:
+            spare, grade = to_obstacles[a, b - members], for_ever
+        elif (a, b) in distances:
+            spare, grade = distances[a, b], for_ever
+        else:
+            spare, grade = min(passive[side] for side in of_agents), passively
+        if spare >= 0.0:
+            grade.append(label)
+        else:
+            short[label] = f"{-spare:.3g} m nearer than it may start"
+    sides = frozenset(side for side, spare in passive.items() if spare >= 0.0)
+    return Grades(tuple(for_ever), tuple(passively), short, (), sides)
+
+
+def _gaps(tube: Capsules, others: Mapping[int, Capsules]) -> dict[int, float]:
+    """Return how far each of the others' tubes is [m]."""
+    gaps = tube.gaps(joined(list(others.values()), tube.begin.shape[1]))
+    ends = np.cumsum([len(other.radius) for other in others.values()])[:-1]
+    parts = np.split(gaps, ends)
+    return {l: float(part.min()) for l, part in zip(others, parts, strict=True)}
+
+
+def _nothing(swarm: Swarm, i: int) -> Array:
+    return np.zeros(len(swarm.members[i].dynamics.inputs))
+
+
+def _listed(pairs: tuple[str, ...]) -> str:
+    """Name pairs, or the first of them and how many there are."""
+    if len(pairs) <= _MOST:
+        return ", ".join(pairs)
+    return f"{len(pairs)} pairs ({', '.join(pairs[:2])}, ...)"

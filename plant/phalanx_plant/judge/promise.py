@@ -1,0 +1,151 @@
+"""The promise made before a run: kept, or broken by what, from true states and applied inputs.
+
+The judge runs each normal agent's rule on the true states, with the inputs that were applied. What
+the rule would have let through, or its fallback does, is answered with itself; all else breaks the
+promise of that agent. No agent is asked.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phalanx.guarantee.promise import grades
+from phalanx.guarantee.verdict import BrokenPromise, PromiseSummary, Violation
+from phalanx.knowledge.motion import Motion
+from phalanx.swarm.keep import Keeper
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array
+from phalanx_plant.world.events import InputApplied
+from phalanx_plant.world.world import DisturbanceKnot
+
+_ROUNDING = 1e-9
+
+
+class PromiseLedger:
+    """The promises of one run, each kept until something breaks it."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        """Begin at x(0)."""
+        self._swarm, self._grades = swarm, grades(swarm)
+        self._keepers = {i: Keeper(swarm, i) for i in swarm.normal}
+        self._last = dict.fromkeys(swarm.normal, 0.0)
+        """By agent, the time of its last sample [s]."""
+        self._stands: dict[int, list[tuple[float, bool]]] = {i: [] for i in swarm.normal}
+        """By agent, whether it stood from each time on, where that changed."""
+        self._silent = set[int]()
+        self._turned = dict[int, float]()
+        self._broken = dict[int, BrokenPromise]()
+        self._bounds = np.array([g.disturbance.bound for g in swarm.groups]) * (1.0 + _ROUNDING)
+        self._begins = [part.start for part in swarm.safe_set.parts]
+
+    def disturbed(self, knot: DisturbanceKnot) -> None:
+        """Check the bounds of all disturbances; that of an adversary is counted too."""
+        norms = np.sqrt(np.add.reduceat(knot.phi * knot.phi, self._begins))
+        for l in np.flatnonzero(~(norms <= self._bounds)).tolist():
+            name = self._swarm.names[l]
+            for i in (l,) if l in self._keepers else self._keepers:
+                self._break(i, knot.t, f"the disturbance of {name} is above its bound")
+
+    def sampled(self, i: int, t: float) -> None:
+        """Check the gap since a normal agent's last sample."""
+        if i in self._keepers:
+            self._check_gap(i, t)
+            gap, shortest = t - self._last[i], self._motion(i).shortest
+            if 0.0 < gap < shortest - _ROUNDING and not self._motion(i).jumps and self._last[i]:
+                self._break(i, t, "a sample came early")
+            self._last[i] = t
+
+    def applied(self, event: InputApplied, x: Array, truthful: bool) -> None:
+        """Check an input against the rule; x: the true state at its sample, shape (n̄,)."""
+        i, t = event.i, event.t_sample
+        if i in self._turned or i not in self._keepers:
+            return
+        keeper = self._keepers[i]
+        answer = keeper(t, x, self._swarm.seen(i, x), event.u)
+        if not np.array_equal(answer.u, event.u):
+            why = "an input that the rule does not let through"
+            self._break(i, t, why if truthful else f"{why}: its sample was false")
+        if event.t_apply > t + _ROUNDING:
+            self._break(i, t, "an input came late")
+        stood = self._stands[i]
+        if not stood or stood[-1][1] != keeper.stands:
+            stood.append((t, keeper.stands))
+
+    def lost(self, i: int, t: float) -> None:
+        """Record that an input of agent i's never reached its actuator."""
+        self._break(i, t, "an input was lost")
+
+    def fell_silent(self, i: int) -> None:
+        """Record that agent i does not sample any more."""
+        self._silent.add(i)
+
+    def restarted(self, i: int) -> None:
+        """Record that another process has taken over: it knows of no fallback under way."""
+        self._silent.discard(i)
+        if i in self._keepers:
+            self._keepers[i].restart()
+
+    def turned(self, i: int, t: float) -> None:
+        """Record that agent i attacks from t [s] on: nothing is promised of what it does."""
+        self._turned.setdefault(i, t)
+
+    def failed(self, t: float, why: str) -> None:
+        """Break every promise."""
+        for i in self._keepers:
+            self._break(i, t, why)
+
+    def summary(self, t: float, violations: Sequence[Violation]) -> PromiseSummary:
+        """Return which promises are kept at t [s]; violations: of pairs, by the true states."""
+        for i in self._keepers:
+            if i not in self._turned:
+                self._check_gap(i, t)
+        unsafe = {v.pair: v for v in violations}
+        kept, promised, broken = [0, 0], 0, list(self._broken.values())
+        for pair in self._swarm.safe_set.pairs:
+            label = self._swarm.safe_set.label(pair)
+            grade = self._grade(label, *pair[:2])
+            if grade is None:
+                continue
+            promised += 1
+            sides = [i for i in pair[:2] if i in self._keepers and i not in self._turned]
+            if any(i in self._broken for i in sides):
+                continue
+            excursion = unsafe.get(label)
+            if excursion and (grade == 0 or not self._hit_at_rest(sides, excursion)):
+                names = "-".join(self._swarm.names[i] for i in sides)
+                broken.append(BrokenPromise(names, excursion.first, f"{label} was unsafe"))
+                continue
+            kept[grade] += 1
+        broken.sort(key=lambda b: b.t)
+        turned = {self._swarm.names[i]: at for i, at in self._turned.items()}
+        refused = "; ".join(self._grades.refusals)
+        return PromiseSummary(kept[0], kept[1], promised, broken, turned, refused)
+
+    def _grade(self, label: str, a: int, b: int) -> int | None:
+        """Return 0 of a pair promised for ever, 1 passively, None if nothing is promised."""
+        sides = [(i, l) for i, l in ((a, b), (b, a)) if i in self._keepers]
+        acting = [side for side in sides if side[0] not in self._turned]
+        if label in self._grades.for_ever and len(acting) == len(sides):
+            return 0
+        return 1 if acting and all(side in self._grades.sides for side in acting) else None
+
+    def _hit_at_rest(self, sides: Sequence[int], excursion: Violation) -> bool:
+        """Return whether all of these stood when a pair's excursions began."""
+        return all(self._stood(i, at) for i in sides for at in (excursion.first, excursion.begin))
+
+    def _stood(self, i: int, t: float) -> bool:
+        earlier = [stands for since, stands in self._stands[i] if since <= t]
+        return bool(earlier) and earlier[-1]
+
+    def _check_gap(self, i: int, t: float) -> None:
+        due = self._last[i] + self._motion(i).longest
+        if t > due + _ROUNDING:
+            silent = i in self._silent
+            self._break(i, due, "it fell silent" if silent else "a sample came late")
+
+    def _motion(self, i: int) -> Motion:
+        return self._keepers[i].commitment.fallback.motion
+
+    def _break(self, i: int, t: float, why: str) -> None:
+        if i not in self._turned:
+            self._broken.setdefault(i, BrokenPromise(self._swarm.names[i], t, why))

@@ -1,0 +1,256 @@
+"""Runs in which agents keep the rule: what is promised before, and what is kept after."""
+
+import numpy as np
+import pytest
+
+from phalanx.guarantee.check import check
+from phalanx.guarantee.promise import grades
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher.simulation import Simulation
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Scenario, ScenarioError
+from phalanx.swarm.keep import Keeper
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+
+TABLE = {
+    "name": "meeting",
+    "duration": 3.0,
+    "safety": {
+        "function": {"type": "distance", "radius": 1.0},
+        "rho": 5.0,
+        "alpha": [3.0],
+        "margin": "integrated",
+        "keep": "hold",
+    },
+    "obstacles": [{"center": [0.0, -2.5], "clearance": 0.5}],
+    "agents": [
+        {
+            "names": ["a", "b"],
+            "role": "normal",
+            "dynamics": {"type": "single-integrator", "speed": 1.0},
+            "law": {"type": "track-velocity", "gain": 5.0},
+            "controller": {"type": "none"},
+            "clock": {"period": 0.05, "jitter": 0.02},
+            "disturbance": {"bound": 0.05, "kind": "adverse"},
+            "start": [[-1.5, 0.0], [1.5, 0.1]],
+            "goal": [[1.5, 0.0], [-1.5, 0.1]],
+        },
+        {
+            "names": ["rogue"],
+            "role": "adversary",
+            "dynamics": {"type": "unicycle", "speed": 2.0, "turn_rate": 4.0},
+            "law": {"type": "pursue", "gain": 5.0},
+            "clock": {"period": 0.05},
+            "start": [[0.0, 3.5, -1.5]],
+        },
+    ],
+}
+"""Two that want to pass one another, with no filter, and one that hunts them."""
+
+
+def scenario(**changes) -> Scenario:
+    return load(TABLE, {path.replace("__", "."): value for path, value in changes.items()})
+
+
+def simulate(given: Scenario) -> Summary:
+    return Simulation(require_runnable(build_swarm(given))).run()
+
+
+def promise_after(*faults: dict, **changes):
+    return simulate(scenario(faults=[*faults], **changes)).promise
+
+
+def test_without_the_rule_two_collide_and_with_it_they_never_do():
+    without = simulate(scenario(safety__keep=None))
+    assert "a-b" in {v.pair for v in without.violations}
+    assert without.promise is None
+    summary = simulate(scenario())
+    assert {v.pair for v in summary.violations} <= {"a-rogue", "b-rogue"}
+    assert summary.origins["fallback"] > 0
+    assert summary.origins["controller-projected"] > 0
+
+
+def test_a_robot_that_stands_is_hit_and_its_promise_is_kept():
+    summary = simulate(scenario())
+    assert summary.outcome is Outcome.VIOLATED
+    assert summary.promise.kept
+    assert str(summary.promise) == "kept for 5 of 5 pairs (3 for ever, 2 passively)"
+    assert summary.promise.lost_at is None
+
+
+@pytest.mark.parametrize(
+    ("fault", "agent", "why", "kept"),
+    [
+        pytest.param(
+            {"kind": "pause", "at": 0.5, "for": 0.3, "agents": ["a"]}, "a", "silent", 2, id="pause"
+        ),
+        pytest.param({"kind": "kill", "at": 0.5, "agents": ["b"]}, "b", "silent", 2, id="kill"),
+        pytest.param(
+            {"kind": "sensor", "at": 0.0, "for": 2.0, "agents": ["a"], "bias": {"x": -1.0}},
+            "a", "its sample was false", 2, id="a false sample",
+        ),
+    ],
+)  # fmt: skip
+def test_what_breaks_a_promise_is_named_with_its_agent_and_time(fault, agent, why, kept):
+    promise = promise_after(fault)
+    assert not promise.kept
+    assert [b.agent for b in promise.broken] == [agent]
+    assert why in promise.broken[0].why
+    assert promise.lost_at >= fault["at"]
+    assert promise.for_ever + promise.passively == kept
+    assert f"broken at {promise.lost_at:.3f} s by {agent}" in str(promise)
+
+
+def test_an_input_that_comes_late_breaks_a_promise():
+    promise = promise_after(network__actuation={"delay": 0.01})
+    assert {b.why for b in promise.broken} == {"an input came late"}
+    assert promise.for_ever == promise.passively == 0
+
+
+def test_a_pause_within_the_longest_gap_breaks_nothing():
+    assert promise_after({"kind": "pause", "at": 0.5, "for": 1e-4, "agents": ["a"]}).kept
+
+
+def test_a_turn_leaves_the_others_what_they_keep_by_themselves():
+    promise = promise_after({"kind": "turn", "at": 0.5, "agents": ["b"]})
+    assert promise.kept
+    assert list(promise.turned) == ["b"]
+    # a-obstacle; a with b and the rogue. b is promised nothing more.
+    assert (promise.for_ever, promise.passively, promise.promised) == (1, 2, 3)
+
+
+def test_the_judge_finds_an_agent_that_does_not_keep_the_rule():
+    simulation = Simulation(require_runnable(build_swarm(scenario())))
+    simulation.agents.steps[0]._controller.keeper = None
+    promise = simulation.run().promise
+    assert [b.agent for b in promise.broken] == ["a"]
+    assert promise.broken[0].why == "an input that the rule does not let through"
+
+
+@pytest.mark.parametrize("controller", ["cbf-qp", "escape"])
+def test_controllers_of_baselines_keep_the_rule_too(controller):
+    given = scenario(agents__0__controller={"type": controller}, duration=1.0)
+    assert simulate(given).promise.kept
+
+
+def test_by_unknown_roles_all_is_passive():
+    summary = simulate(scenario(safety__information="unknown", duration=1.0))
+    assert (summary.promise.for_ever, summary.promise.passively) == (2, 3)
+    assert summary.promise.kept
+
+
+def test_a_double_integrator_keeps_the_rule():
+    table = {
+        "agents__0__dynamics": {"type": "double-integrator", "acceleration": 3.0, "dimension": 2},
+        "agents__0__law": {"type": "track", "gains": [1.0, 2.0]},
+        "agents__0__start": [[-2.5, 0.0, 1.0, 0.0], [2.5, 0.1, -1.0, 0.0]],
+        "agents__1__dynamics": {
+            "type": "double-integrator", "acceleration": 2.0, "dimension": 2
+        },
+        "agents__1__start": [[0.0, 8.0, 0.0, 0.0]],
+        "agents__1__law": {"type": "chase", "gains": [1.0, 2.0]},
+        "safety__alpha": [2.0, 2.0],
+    }  # fmt: skip
+    summary = simulate(scenario(**table))
+    assert summary.promise.kept
+    assert summary.promise.for_ever == 3
+    assert summary.origins["fallback"] > 0
+
+
+def test_the_rule_decides_the_same_where_far_members_are_left_out():
+    swarm = build_swarm(scenario())
+    keeper, seen, rng = Keeper(swarm, 0), (0, 1, 2), np.random.default_rng(0)
+    decided = set()
+    for _ in range(200):
+        x, u = swarm.start(), rng.uniform(-1.0, 1.0, 2)
+        x[2:6] = rng.uniform(-1.6, 1.6, 4)
+        whole = keeper.room(x, seen, u).least >= 0.0
+        assert keeper(0.0, x, seen, u).accepted is whole
+        keeper.restart()
+        decided.add(whole)
+    assert decided == {False, True}
+
+
+def words(**changes) -> str:
+    return " ".join(check(scenario(**changes)).words)
+
+
+def test_check_grades_each_pair():
+    graded = grades(build_swarm(scenario()))
+    assert graded.for_ever == ("a-b", "a-obstacle 0", "b-obstacle 0")
+    assert graded.passively == ("a-rogue", "b-rogue")
+    said = words()
+    assert "Promised before the run, under any filter and network: a-b, a-obstacle 0" in said
+    assert "a-rogue, b-rogue passively" in said
+    assert "With safety.keep = 'hold': promised" in words(safety__keep=None)
+
+
+def test_check_names_what_is_short_and_what_would_do():
+    near = {"agents__0__start": [[-0.5, 0.0], [0.5001, 0.0]]}
+    assert "Not promised: a-b: 0.0" in words(**near)
+    graded = grades(build_swarm(scenario(**near)))
+    assert "a-b" not in graded.for_ever
+    short = float(graded.short["a-b"].split(" m")[0])
+    larger = 0.5001 + short + 1e-3
+    enough = scenario(agents__0__start=[[-0.5, 0.0], [larger, 0.0]])
+    assert "a-b" in grades(build_swarm(enough)).for_ever
+    too_much = grades(build_swarm(scenario(agents__0__disturbance__bound=1.5)))
+    (why,) = {
+        text.split(" of ", 1)[0] + text.split(" holds", 1)[-1] for text in too_much.refusals[:1]
+    }
+    assert "disturbance.bound" in why
+    bound = float(too_much.refusals[0].split("at most ")[1].split(" would do")[0])
+    assert grades(build_swarm(scenario(agents__0__disturbance__bound=0.99 * bound))).for_ever
+    assert not grades(build_swarm(scenario(agents__0__disturbance__bound=1.01 * bound))).for_ever
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "fix"),
+    [
+        ({"safety__function": {"type": "heading-aware", "radius": 1.0, "kappa": 0.1},
+          "agents__0__dynamics": {"type": "unicycle", "speed": 1.0, "turn_rate": 2.0},
+          "agents__0__start": [[-1.5, 0.0, 0.0], [1.5, 0.1, 3.0]]},
+         "safety.function", "expected 'distance' or 'separation'"),
+        ({"time__latency": 0.01}, "time.latency", "expected 0"),
+        ({"limits": [{"type": "fence", "center": [0.0, 0.0], "radius": 9.0}]},
+         "limits", "write a wall as an obstacle"),
+        ({"agents__0__disturbance__bound": 1.5}, "disturbance.bound of a",
+         "in one of them it has 1"),
+        ({"agents__0__sensing": 1.1}, "sensing of a", "expected at least 1.26 m, got 1.1"),
+    ],
+)  # fmt: skip
+def test_what_is_not_covered_is_refused_with_its_field_and_the_fix(changes, field, fix):
+    with pytest.raises(ScenarioError) as error:
+        simulate(scenario(**changes))
+    assert "meeting: safety.keep: " in str(error.value)
+    assert field in str(error.value)
+    assert fix in str(error.value)
+
+
+def test_radio_is_refused():
+    given = load("crossing-radio", {"safety.keep": "hold"})
+    with pytest.raises(ScenarioError, match=r"radio of \S+: expected none"):
+        require_runnable(build_swarm(given))
+
+
+def test_third_derivatives_are_refused():
+    model = {"type": "triple-integrator", "jerk": 1.0, "dimension": 2}
+    given = scenario(
+        agents__0__dynamics=model,
+        agents__0__start=[[-2.5, *5 * [0.0]], [2.5, *5 * [0.0]]],
+        agents__0__law={"type": "track", "gains": [1.0, 2.0, 2.0]},
+        agents__1__dynamics=model,
+        agents__1__start=[[0.0, 8.0, *4 * [0.0]]],
+        agents__1__law={"type": "chase", "gains": [1.0, 2.0, 2.0]},
+        safety__alpha=[1.0, 1.0, 1.0],
+    )
+    with pytest.raises(
+        ScenarioError, match="dynamics of a: expected a single- or double-integrator"
+    ):
+        require_runnable(build_swarm(given))
+
+
+def test_one_controller_for_all_keeps_no_fallback():
+    with pytest.raises(ScenarioError, match=r"safety\.keep: expected none"):
+        load("centralised", {"safety.keep": "hold"})
