@@ -99,8 +99,8 @@ def run(
                 m.move(step, m.motion.disturbance * phi, turn)
             t = due.next_sample if step < STEP else t + step
             p = np.array([m.p for m in members])
-            apart = np.linalg.norm(p[:, None] - p[None], axis=2) + 1e9 * np.eye(len(p))
-            least = min(least, apart.min() - RADIUS)
+            distances = np.linalg.norm(p[:, None] - p[None], axis=2) + 1e9 * np.eye(len(p))
+            least = min(least, distances.min() - RADIUS)
             if look is not None:
                 look(t)
         keep(due, members, t, wish(due, members), attackers)

@@ -107,7 +107,7 @@ def test_others_expect_at_least_every_tube():
             if motion.jumps:
                 assert expected.gaps(tube).max() <= -2.0 * tube.radius.max() + 1e-5
             ends = np.concatenate([tube.begin, tube.end])
-            apart = expected.gaps(
+            gaps = expected.gaps(
                 disc(ends[0], 0.0)._replace(begin=ends, end=ends, radius=np.zeros(len(ends)))
             )
-            assert apart.max() <= 0.0
+            assert gaps.max() <= 0.0

@@ -53,8 +53,8 @@ def scenario(**changes) -> Scenario:
     return load(TABLE, {path.replace("__", "."): value for path, value in changes.items()})
 
 
-def simulate(given: Scenario) -> Summary:
-    return Simulation(require_runnable(build_swarm(given))).run()
+def simulate(of: Scenario) -> Summary:
+    return Simulation(require_runnable(build_swarm(of))).run()
 
 
 def promise_after(*faults: dict, **changes):
@@ -80,7 +80,7 @@ def test_a_robot_that_stands_is_hit_and_its_promise_is_kept():
 
 
 @pytest.mark.parametrize(
-    ("fault", "agent", "why", "kept"),
+    ("fault", "agent", "why", "pairs"),
     [
         pytest.param(
             {"kind": "pause", "at": 0.5, "for": 0.3, "agents": ["a"]}, "a", "silent", 2, id="pause"
@@ -92,13 +92,13 @@ def test_a_robot_that_stands_is_hit_and_its_promise_is_kept():
         ),
     ],
 )  # fmt: skip
-def test_what_breaks_a_promise_is_named_with_its_agent_and_time(fault, agent, why, kept):
+def test_what_breaks_a_promise_is_named_with_its_agent_and_time(fault, agent, why, pairs):
     promise = promise_after(fault)
     assert not promise.kept
     assert [b.agent for b in promise.broken] == [agent]
     assert why in promise.broken[0].why
     assert promise.lost_at >= fault["at"]
-    assert promise.for_ever + promise.passively == kept
+    assert promise.for_ever + promise.passively == pairs
     assert f"broken at {promise.lost_at:.3f} s by {agent}" in str(promise)
 
 
@@ -130,8 +130,8 @@ def test_the_judge_finds_an_agent_that_does_not_keep_the_rule():
 
 @pytest.mark.parametrize("controller", ["cbf-qp", "escape"])
 def test_controllers_of_baselines_keep_the_rule_too(controller):
-    given = scenario(agents__0__controller={"type": controller}, duration=1.0)
-    assert simulate(given).promise.kept
+    changed = scenario(agents__0__controller={"type": controller}, duration=1.0)
+    assert simulate(changed).promise.kept
 
 
 def test_by_unknown_roles_all_is_passive():
@@ -160,13 +160,13 @@ def test_a_double_integrator_keeps_the_rule():
 
 def test_the_rule_decides_the_same_where_far_members_are_left_out():
     swarm = build_swarm(scenario())
-    keeper, seen, rng = Keeper(swarm, 0), (0, 1, 2), np.random.default_rng(0)
+    keeper, members, rng = Keeper(swarm, 0), (0, 1, 2), np.random.default_rng(0)
     decided = set()
     for _ in range(200):
         x, u = swarm.start(), rng.uniform(-1.0, 1.0, 2)
         x[2:6] = rng.uniform(-1.6, 1.6, 4)
-        whole = keeper.room(x, seen, u).least >= 0.0
-        assert keeper(0.0, x, seen, u).accepted is whole
+        whole = keeper.room(x, members, u).least >= 0.0
+        assert keeper(0.0, x, members, u).accepted is whole
         keeper.restart()
         decided.add(whole)
     assert decided == {False, True}
@@ -180,9 +180,9 @@ def test_check_grades_each_pair():
     graded = grades(build_swarm(scenario()))
     assert graded.for_ever == ("a-b", "a-obstacle 0", "b-obstacle 0")
     assert graded.passively == ("a-rogue", "b-rogue")
-    said = words()
-    assert "Promised before the run, under any filter and network: a-b, a-obstacle 0" in said
-    assert "a-rogue, b-rogue passively" in said
+    sentences = words()
+    assert "Promised before the run, under any filter and network: a-b, a-obstacle 0" in sentences
+    assert "a-rogue, b-rogue passively" in sentences
     assert "With safety.keep = 'hold': promised" in words(safety__keep=None)
 
 
@@ -229,14 +229,14 @@ def test_what_is_not_covered_is_refused_with_its_field_and_the_fix(changes, fiel
 
 
 def test_radio_is_refused():
-    given = load("crossing-radio", {"safety.keep": "hold"})
+    changed = load("crossing-radio", {"safety.keep": "hold"})
     with pytest.raises(ScenarioError, match=r"radio of \S+: expected none"):
-        require_runnable(build_swarm(given))
+        require_runnable(build_swarm(changed))
 
 
 def test_third_derivatives_are_refused():
     model = {"type": "triple-integrator", "jerk": 1.0, "dimension": 2}
-    given = scenario(
+    changed = scenario(
         agents__0__dynamics=model,
         agents__0__start=[[-2.5, *5 * [0.0]], [2.5, *5 * [0.0]]],
         agents__0__law={"type": "track", "gains": [1.0, 2.0, 2.0]},
@@ -248,7 +248,7 @@ def test_third_derivatives_are_refused():
     with pytest.raises(
         ScenarioError, match="dynamics of a: expected a single- or double-integrator"
     ):
-        require_runnable(build_swarm(given))
+        require_runnable(build_swarm(changed))
 
 
 def test_one_controller_for_all_keeps_no_fallback():
