@@ -72,6 +72,23 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
     assert "Search" in attacked.page.read_text()
 
 
+class Dying(Executor):
+    """Its workers die with each task."""
+
+    def submit(self, fn, /, *args, **named):
+        future: Future = Future()
+        future.set_exception(RuntimeError("killed"))
+        return future
+
+
+@pytest.mark.slow
+def test_runs_that_broke_are_made_again_when_a_search_goes_on(scenario, tmp_path):
+    options = {"budget": 3, "baseline": False, "fresh": 0}
+    assert not searched(scenario, tmp_path / "out", Dying(), **options).histories[0].finds
+    (again,) = searched(scenario, tmp_path / "out", **options).histories
+    assert len(again.finds) == 3
+
+
 class Flat:
     """A space of which all points cost the same, and what an optimiser asked of it."""
 

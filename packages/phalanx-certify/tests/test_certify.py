@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from phalanx_certify.checker.certify import Certification, certify
+from phalanx_certify.checker.coverage import Coverage, HeldInputs, Inputs, _first_shared
 from phalanx_certify.checker.intervals import Interval, UncertifiableError, UndecidedError, point
 from phalanx_certify.checker.motions import GroupMotion, MotionCheck, require_digits
 
@@ -628,6 +629,19 @@ def test_a_pair_is_covered_by_either_normal_member_and_by_no_adversary(talking, 
     steps += [step(talking, t, [0.0, 0.0]) for t in times[1:] if talking in "12"]
     result = certify(scenario, states, steps)
     assert bool(result) == (talking == "1" or (talking == "2" and role == "normal"))
+
+
+def test_a_gap_that_ends_where_another_begins_has_no_instant_in_common_with_it():
+    ends_at_1_then_again = np.array([[0.0, 1.5], [1.0, 3.0]])
+    assert _first_shared(np.array([[1.0], [2.0]]), ends_at_1_then_again) == [1.5]
+
+
+def test_the_shortest_horizon_is_that_of_inputs_while_their_agent_was_normal():
+    held = HeldInputs(np.array([0.0, 1.0]), np.array([1.0, 2.0]), np.zeros((1, 2)))
+    inputs, pair = Inputs(np.array([0.0, 1.0, 2.0]), [held]), np.zeros(2, dtype=np.intp)
+    coverage = Coverage(inputs, np.array([True, False]))
+    coverage.add(0, pair, np.arange(2), np.array([0.75, 0.25]))
+    assert coverage.horizon == 0.75
 
 
 def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:

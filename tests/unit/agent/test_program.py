@@ -62,6 +62,14 @@ def test_an_input_outside_u_is_projected_and_counted() -> None:
     }
 
 
+def test_a_program_has_until_the_earliest_next_sample() -> None:
+    does = "d = json.loads(line); print(json.dumps({'u': [d['deadline'] - d['t'], 0]}), flush=True)"
+    result = run(sys.executable, "-c", ANSWER + does, **{"agents.0.clock.jitter": 0.002})
+    seconds = [step.u[0] for step in result.recording.steps if step.agent == "1"]
+    assert seconds == pytest.approx([0.008] * len(seconds))
+    assert len(seconds) > 10
+
+
 @dataclass
 class Cart(TrackVelocity):
     """The law of examples/programs/cart.py and cart.cpp inside Phalanx."""

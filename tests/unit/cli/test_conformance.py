@@ -6,9 +6,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import phalanx
 from phalanx.cli.app import status
-from phalanx.cli.conformance import _gaps
+from phalanx.cli.conformance import _gaps, _steps
+from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.agents import Clock
+from phalanx.scenario.load import load
 from tests.unit.report.recordings import step, swarm_in_space
 
 CARTS = Path(__file__).parents[3] / "examples" / "programs"
@@ -58,6 +61,19 @@ def test_by_the_wall_clock_a_gap_between_samples_says_how_late_an_answer_came():
     clock = Clock(period=0.015625, jitter=0.001953125)
     gaps = [gap + 0.009765625 for gap in _gaps(steps, "n0", clock)]
     assert gaps == [0.03125, 0.09375]
+
+
+def test_all_that_was_refused_is_named_after_what_ended_the_run():
+    """A program by Zenoh sent what it may not, and died."""
+    result = phalanx.run(load("one-on-one", {"duration": 0.05}), engine="in-process")
+    result.summary.outcome, result.summary.reason = Outcome.BROKEN, "agent 1 died"
+    result.summary.rejected |= {"bad seal": 2, "not finite": 1}
+    _, mistakes = _steps(result, result.recording.scenario.agents[0])
+    refused = [
+        f"{n} of its messages were refused: {why}"
+        for n, why in ((2, "bad seal"), (1, "not finite"))
+    ]
+    assert mistakes == ["agent 1 died", *refused]
 
 
 BY_ZENOH = f"""

@@ -40,6 +40,15 @@ def test_an_agent_may_do_nothing_in_the_name_of_another():
         assert not {"5", "6"} & {chunk for key in rule["key_exprs"] for chunk in key.split("/")}
 
 
+def test_an_agent_that_no_other_hears_may_send_no_broadcasts():
+    rules = access_control(KEYS, {name: (name,) for name in NAMES}, ("5",))
+    for name in ("4", "5"):
+        puts = [rule for rule in rules_of(name, rules) if "put" in rule["messages"]]
+        keys = {k for rule in puts if rule["flows"] == ["ingress"] for k in rule["key_exprs"]}
+        assert keys >= {KEYS.actuation(name), KEYS.telemetry(name)}
+        assert (KEYS.broadcast(name, "*") in keys) == (name == "5")
+
+
 @pytest.mark.parametrize("key", OF_OTHERS)
 def test_an_agent_is_shown_nothing_that_is_for_another(key: str) -> None:
     put, shows = zenoh.KeyExpr(key), {("egress", "put"), ("ingress", "declare_subscriber")}

@@ -305,3 +305,11 @@ def test_in_real_time_no_broadcast_counts_before_its_input_takes_effect():
     assert not inbox.received
     inbox.advance({1: (0, 0)}, 0.02)
     assert inbox.received
+
+
+def test_in_real_time_what_comes_after_its_sample_and_before_the_step_is_there_at_once():
+    inbox = inbox_of(model())
+    inbox.put(0, broadcast(0), at=0.5)
+    (fate,) = inbox.advance(upto(0), 0.25)
+    assert newest(inbox) == 0
+    assert fate.delay == 0.25

@@ -119,3 +119,13 @@ def test_speed_0_is_refused_in_words_in_real_time_alone(real_time, expected):
     assert [command.kind for command in queue.due(0.0)] == expected
     assert queue.pace.speed == float(real_time)
     assert queue.refusals.counts == ({"command: speed 0 in real time": 1} if real_time else {})
+
+
+def test_declared_faults_come_before_other_commands_of_their_time_and_added_ones_after():
+    declared_one, scheduled, added = (
+        Command(1.0, CommandKind.LOSS, value=value) for value in (0.1, 0.2, 0.3)
+    )
+    queue = CommandQueue(CommandPolicy(schedule=(scheduled,)), ("1",))
+    queue.add(added)
+    queue.declare([declared_one])
+    assert queue.due(1.0) == [declared_one, scheduled, added]

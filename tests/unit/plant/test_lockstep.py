@@ -13,7 +13,15 @@ from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.sampling.sampling import NoProcesses, Sampling
-from phalanx_plant.world.events import Event, Instant, SwarmBrokenError
+from phalanx_plant.world.events import (
+    CommandApplied,
+    Event,
+    InputApplied,
+    Instant,
+    Sampled,
+    StateReached,
+    SwarmBrokenError,
+)
 from phalanx_plant.world.world import World
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
@@ -216,3 +224,13 @@ def test_while_virtual_time_waits_all_events_have_been_judged() -> None:
     run.run(swarm.scenario.duration)
     assert commands.seen == sorted(set(commands.seen))
     assert events.judged == events.added
+
+
+def test_a_command_takes_effect_before_the_samples_of_its_instant() -> None:
+    rows, agents = rows_of_scenario("unicycles", "duration=0.1"), Coasting()
+    events, swarm = Watched(agents), rows.swarm
+    policy = CommandPolicy(schedule=(Command(0.0, CommandKind.LOSS, value=0.5),))
+    commands = CommandQueue(policy, swarm.names)
+    Lockstep(World(rows), Sampling(swarm), agents, events, commands).run(0.1)
+    kinds = [StateReached, CommandApplied, *[Sampled] * 5, *[InputApplied] * 5]
+    assert events.added[: len(kinds)] == kinds

@@ -171,5 +171,30 @@ def test_commands_take_effect_at_their_times_and_lost_agents_are_reported(run) -
     assert summary.outcome is not Outcome.BROKEN
 
 
+class Stalled(OnTheWall):
+    """Once the plant gets no time for 20 ms."""
+
+    def listen(self, seconds: float) -> None:
+        answered = 0 not in self._coming and self.wall > 100.0915
+        super().listen(seconds)
+        if answered and self.wall < 100.0965:
+            self.wall += 0.02
+
+
+def test_inputs_that_became_due_meanwhile_take_effect_in_the_order_of_their_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Agent 2 samples at 90 ms, and its answer is late; agent 1 samples and answers at 91 ms."""
+    agents = Stalled(lambda i, k: 0.006 if i else 0.001)
+    monkeypatch.setattr(time, "monotonic", lambda: agents.wall)
+    changes = (*STILL, "agents.0.clock.period=0.013", "duration=0.2", f"time.latency={LATENCY}")
+    rows = rows_of_scenario("one-on-one", *changes)
+    _, recording = plant_run(rows, agents, tmp_path, CommandPolicy(speed=1.0), RealTime)
+    applied = {step.agent: step.t_apply for step in recording.steps if 0.0895 < step.t < 0.092}
+    assert applied["1"] == pytest.approx(0.091 + LATENCY, abs=1e-4)
+    assert applied["2"] > 0.11
+    assert {*applied.values()} <= {state.t for state in recording.states}
+
+
 def of(agents: OnTheWall, i: int) -> list[tuple[int, Sample]]:
     return [(j, sample) for j, sample in agents.samples if j == i]

@@ -348,9 +348,14 @@ def test_behind_a_write_that_failed_nothing_is_written(whole, tmp_path):
     assert "cut short" in (read(path).damage or "")
 
 
-def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> bytes:
-    """A recording with chunks of one record of zeros put before its last records."""
-    packer = ZstdCompressor(level=1).compressobj(chunks_of if honest else -1)
+def bomb(
+    whole: bytes, chunks_of: int, copies: int, *, honest: bool = True, sized: bool = True
+) -> bytes:
+    """A recording with chunks of one record of zeros put before its last records.
+
+    honest: a chunk says its size. sized: so does the frame in it.
+    """
+    packer = ZstdCompressor(level=1).compressobj(chunks_of if sized else -1)
     packed = packer.compress(b"\x80" + struct.pack("<Q", chunks_of - 9))
     for size in [2**20] * (chunks_of // 2**20 - 1) + [2**20 - 9]:
         packed += packer.compress(bytes(size))
@@ -368,9 +373,11 @@ def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> b
     return whole[:data_end] + record * copies + whole[data_end:]
 
 
-@pytest.mark.parametrize("honest", [True, False])
-def test_a_chunk_that_unpacks_to_gigabytes_is_damage_and_takes_no_memory(whole, tmp_path, honest):
-    content = Whole(bomb(whole, 2**29, 1, honest=honest))
+@pytest.mark.parametrize(("honest", "sized"), [(True, True), (False, True), (False, False)])
+def test_a_chunk_that_unpacks_to_gigabytes_is_damage_and_takes_no_memory(
+    whole, tmp_path, honest, sized
+):
+    content = Whole(bomb(whole, 2**29, 1, honest=honest, sized=sized))
     assert len(content) < 2 * len(whole)
     Path("/proc/self/clear_refs").write_text("5")  # from here on the peak is this test's own
     before = most_memory()
@@ -385,8 +392,9 @@ def most_memory() -> int:
     return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
 
 
-def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_path):
-    found = reread(tmp_path, Whole(bomb(whole, 2**22, 300)))
+@pytest.mark.parametrize("honest", [True, False])
+def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_path, honest):
+    found = reread(tmp_path, Whole(bomb(whole, 2**22, 300, honest=honest)))
     assert "more than a recording holds" in found.damage
 
 

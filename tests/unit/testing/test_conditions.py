@@ -10,6 +10,7 @@ from phalanx.scenario.load import load, scenario_text
 from phalanx.scenario.model import digest
 from phalanx.testing import fault_tables, faults, faulty, networks, starts
 from phalanx.testing.conditions import table_of_scenario
+from phalanx.testing.fault_tables import table_of
 from tests.unit.testing.crossing import CROSSING
 
 ONE_OF_EACH = [
@@ -40,6 +41,12 @@ def test_faults_are_more_than_those_declared_and_the_command_has_all():
     command = scenario.reading.command(3)
     assert "--set network.loss=0.1" in command
     assert command.count("kind = ") == 2
+
+
+def test_faults_are_more_than_those_of_the_overrides_too():
+    kill, turn = fault_tables.kill("1", at=2.0), fault_tables.turn("2", at=1.0)
+    scenario = faulty("radio", faults=[kill], overrides={"faults": [table_of(turn)]})
+    assert [fault.kind for fault in scenario.faults] == ["turn", "kill"]
 
 
 @pytest.mark.parametrize("name", ["radio", "warehouse", "unicycles", "quadrotors", "swarm2d"])

@@ -44,6 +44,7 @@ def test_a_decision_takes_no_more_runs_than_it_needs():
     assert beta_mixture(decision.hits, decision.runs).high < 0.2
     assert decided(itertools.repeat(True), 0.2).runs < 10
     assert next(hits) in (True, False), "no hit was taken that did not count"
+    assert decided(itertools.repeat(True), beta_mixture(7, 7).low).runs == 7, "at the bound itself"
 
 
 def test_the_runs_that_would_decide_are_estimated():

@@ -291,7 +291,7 @@ def test_half_of_a_row_has_half_of_the_chains_disturbance():
     both = ca.vertcat(*[PaperMargin().at_sample(row) for row in rows])
     whole, half = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
     assert half == 0.5 * whole > 0.0
-    given = AgentMargin(PaperMargin(), 3.0, TAU, {m.name: 0.0 for m in chain.set.members})
-    both = ca.vertcat(*[given.of(chain, 0, part) - 3.0 * part.value for part in RowPart])
+    margin = AgentMargin(PaperMargin(), 3.0, TAU, {m.name: 0.0 for m in chain.set.members})
+    both = ca.vertcat(*[margin.of(chain, 0, part) - 3.0 * part.value for part in RowPart])
     values = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
     assert values.tolist() == pytest.approx([whole, half]), "and so of a margin that is given"

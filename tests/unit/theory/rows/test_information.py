@@ -50,13 +50,13 @@ def test_a_silent_neighbour_is_counted_on_no_more():
 def test_an_input_that_its_sender_cannot_apply_is_not_believed(composition):
     """Agent 2, 1.5 m away, says that it leaves at its 4 m/s, or at 4.1 m/s."""
     rows = rows_of_scenario("faults/hijack", f"safety.composition={composition}")
-    x, seen = np.array([0.0, 0.0, 1.5, 0.0, *[np.nan] * 4]), (0, 1)
+    x, agents = np.array([0.0, 0.0, 1.5, 0.0, *[np.nan] * 4]), (0, 1)
     bounds = []
-    for speed, used in ((4.0, [1]), (4.1, []), (None, [])):
+    for speed, senders in ((4.0, [1]), (4.1, []), (None, [])):
         received = {} if speed is None else {1: AnnouncedInput(0.0, (speed, 0.0))}
-        terms = rows.terms(0)(x, seen)
-        filtered = rows.filter(0)(FilterInput(0.0, x, seen, terms, np.zeros(2), received))
-        assert filtered.used == used
+        terms = rows.terms(0)(x, agents)
+        filtered = rows.filter(0)(FilterInput(0.0, x, agents, terms, np.zeros(2), received))
+        assert filtered.used == senders
         bounds.append(np.ravel(filtered.rows.bound).tolist())
     assert bounds[0] > bounds[1] == bounds[2]
 
