@@ -83,7 +83,8 @@ def end_fork_server() -> None:
     server: Any = multiprocessing.forkserver._forkserver
     if server._forkserver_pid is not None:
         os.kill(server._forkserver_pid, signal.SIGKILL)
-        os.waitid(os.P_PID, server._forkserver_pid, os.WEXITED | os.WNOWAIT)
+        if hasattr(os, "waitid"):  # not in macOS before Python 3.13: the next start may then fail
+            os.waitid(os.P_PID, server._forkserver_pid, os.WEXITED | os.WNOWAIT)
 
 
 @contextlib.contextmanager

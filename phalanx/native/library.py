@@ -159,7 +159,7 @@ def build(functions: Mapping[Path, Source], progress: Callable[[int], None]) -> 
     """
     compiler = _compiler()
     assert compiler is not None
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         # Sources are made here: CasADi is not for several threads.
         sources = {library: _source(function) for library, function in functions.items()}
         tasks = [pool.submit(_compile, compiler, *source) for source in sources.items()]

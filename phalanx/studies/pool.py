@@ -26,6 +26,12 @@ class WorkerDiedError(RuntimeError):
     """A task's worker ended before the task; the message says how."""
 
 
+def _processors() -> int:
+    """Return the number of processors that this process may use; Linux alone says which."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
 class _Worker(NamedTuple):
     process: Any
     connection: Connection
@@ -39,7 +45,7 @@ class Pool(ThreadPoolExecutor):
 
         workers: their number; by default that of the processors.
         """
-        self.workers = workers or len(os.sched_getaffinity(0))
+        self.workers = workers or _processors()
         super().__init__(self.workers, "study-pool")
         start_loading()
         self._idle: list[_Worker] = []
