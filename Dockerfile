@@ -13,7 +13,7 @@ RUN cd /opt/phalanx/lib/python3*/site-packages \
  && find casadi -mindepth 1 -maxdepth 1 \
       ! -name '*.py' ! -name '_casadi.so' ! -name 'libcasadi.so*' -exec rm -rf {} + \
  && find . -name tests -type d -prune -exec rm -rf {} +
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml hatch_build.py README.md LICENSE ./
 COPY phalanx phalanx
 COPY agent agent
 COPY plant plant

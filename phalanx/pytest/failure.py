@@ -64,8 +64,8 @@ def _shrunk(run: Run, table: dict[str, Any]) -> tuple[dict[str, Any], str]:
         return table, "no: only a violated run can be"
     try:
         smallest = extension("shrink")
-    except MissingExtensionError:
-        return table, "no: pip install phalanx-attacks"
+    except MissingExtensionError as error:
+        return table, f"no: {error}"
     reading = run.scenario.reading
     smaller_scenario = smallest(table, read_table(reading.source) if reading else table)
     before, after = smaller_scenario.sizes

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
+from phalanx.schema.installing import HERE, installing
+
 COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
 PACKAGE = "phalanx-swarm"
 REINSTALL = (
@@ -54,7 +56,7 @@ def extras_named() -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         if extra := EXTRAS.get(str(error.name).partition(".")[0]):
-            words = f"needs {error.name}: pip install '.[{extra}]'"
+            words = f"needs {error.name}: pip install '{HERE}[{extra}]'"
             raise MissingExtensionError(words) from error
         raise
 
@@ -70,7 +72,7 @@ def extension(name: str) -> Any:
 def missing(name: str) -> MissingExtensionError:
     """Return the error that says what to install for a command or an extension."""
     if package := PACKAGES.get(name):
-        return MissingExtensionError(f"needs {package}: pip install ./packages/{package}")
+        return MissingExtensionError(f"needs {package}: {installing(package)}")
     return MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
 
 

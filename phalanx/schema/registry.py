@@ -13,6 +13,7 @@ from typing import Any
 import pydantic
 
 from phalanx.schema.built_in import BUILT_IN, BY_OPTION, PACKAGES
+from phalanx.schema.installing import installing
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import call_user, checks, is_built_in, located_class
 from phalanx.theory.laws.law import Law
@@ -45,9 +46,7 @@ def lookup(kind: type, name: str) -> type:
     if home := BUILT_IN.get(kind, {}).get(name) or _installed(kind).get(name):
         return pkgutil.resolve_name(home)  # type: ignore[no-any-return]
     if package := PACKAGES.get(kind, {}).get(name):
-        raise ValueError(
-            f"{name!r} is of a package beside Phalanx: pip install ./packages/{package}"
-        )
+        raise ValueError(f"{name!r} is of a package beside Phalanx: {installing(package)}")
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
     cls: type = import_named(name)

@@ -1,16 +1,23 @@
 """The wheel: complete, and working in a folder with files named like our programs."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from phalanx import __version__
+
 ROOT = Path(__file__).parents[2]
 EXTENSION = ROOT / "examples" / "extension"
 COLLIDING = ("agent.py", "plant.py", "viewer.py", "scenarios.py", "launcher.py")
+
+REPOSITORY = "https://example.org/owner/phalanx"
+RELEASED = {"PHALANX_REPOSITORY": REPOSITORY}
 
 _LONGEST = 900
 """Of one command on a busy machine [s]: the README's snippet runs a whole simulation."""
@@ -68,6 +75,41 @@ def test_the_command_runs_next_to_files_named_like_its_programs(elsewhere: dict)
     done = phalanx(elsewhere, "run", "unicycles", "--set", "duration=0.5")
     assert "guaranteed:" in done.stdout
     assert (elsewhere["cwd"] / "runs" / "unicycles-1" / "report.html").is_file()
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel and the sdist of a release."""
+    folder = tmp_path_factory.mktemp("dist")
+    build = [sys.executable, "-m", "hatchling", "build", "--directory", folder]
+    subprocess.run(build, cwd=ROOT, env={**os.environ, **RELEASED}, check=True)
+    return folder
+
+
+def test_the_sdist_builds_the_same_wheel(built: Path, tmp_path: Path) -> None:
+    (sdist,), (wheel,) = built.glob("*.tar.gz"), built.glob("*.whl")
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run(
+        [*pip, "--wheel-dir", tmp_path, sdist], env={**os.environ, **RELEASED}, check=True
+    )
+    assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
+    assert sdist.name == f"phalanx_swarm-{__version__}.tar.gz"
+
+
+def test_links_of_the_description_lead_to_files_of_the_tag(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+        metadata = archive.read(name).decode()
+    description = metadata.partition("\n\n")[2]
+    links = re.findall(r'\]\(([^)\s]+)\)|src="([^"]+)"', description)
+    targets = ["".join(pair) for pair in links]
+    assert all(target.startswith("https://") for target in targets)
+    tag = f"v{__version__}/"
+    own = [target.partition(tag)[2] for target in targets if target.startswith(REPOSITORY)]
+    assert "docs/images/radio.webp" in own
+    assert len(own) > 10
+    assert [path for path in own if not (ROOT / path).is_file()] == []
 
 
 def test_readme_snippet_runs_from_the_wheel(installed: Path, elsewhere: dict) -> None:

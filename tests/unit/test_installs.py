@@ -4,6 +4,8 @@ import re
 import tomllib
 from pathlib import Path
 
+from phalanx.schema.installing import HERE
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 FOLDERS = [
@@ -35,6 +37,14 @@ def texts() -> dict[str, str]:
 def test_nothing_says_to_install_phalanx_from_an_index():
     found = {name: FROM_AN_INDEX.findall(text) for name, text in texts().items()}
     assert {name: each for name, each in found.items() if each} == {}
+
+
+def test_pages_and_messages_install_from_where_one_constant_says():
+    pattern = re.compile(r"pip install (?:-e )?(?:'([^'\[]+)\[|([\w./{}-]+)/packages/phalanx-)")
+    found = {name: pattern.findall(text) for name, text in texts().items()}
+    sources = {name: {"".join(pair) for pair in pairs} for name, pairs in found.items() if pairs}
+    assert {n: s for n, s in sources.items() if s - {HERE, "{HERE}"}} == {}
+    assert len(sources) > 8
 
 
 def test_every_extra_that_is_named_exists():
