@@ -1,4 +1,4 @@
-"""Where pip finds Phalanx."""
+"""The place where pip finds Phalanx."""
 
 HERE = "."
 """This repository's folder, as long as no index has it."""
