@@ -134,6 +134,8 @@ def test_the_costs_of_a_row_are_those_of_the_filters_own_row(name, overrides, ag
 @pytest.mark.slow
 def test_an_agent_by_radio_is_held_by_the_age_of_what_it_knows():
     steps = repeated(recorded("radio", {}, 3.0), "1", 3.0)
+    again = row_costs(steps.under(steps.rows))  # with all that it remembers
+    assert [cost.terms for cost in again] == [cost.terms for cost in row_costs(steps)]
     own_parts = [cost for cost in row_costs(steps) if cost.part == "own part"]
     (binding, *_) = own_parts
     assert binding.binds

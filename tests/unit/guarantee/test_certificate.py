@@ -26,6 +26,7 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere
+from tests.layers import layered
 from tests.unit.swarms import swarm_of_scenario
 
 seeds = st.integers(0, 2**32 - 1)
@@ -255,7 +256,9 @@ def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["unicycles", "formation3d", "swarm"])
+@pytest.mark.parametrize(
+    "name", layered(("unicycles", "formation3d", "swarm"), ("unicycles", "formation3d"))
+)
 def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng):
     """Inputs of agents of different kinds and in different states, with pairs left out or not.
 

@@ -24,6 +24,7 @@ from phalanx.theory.models.wheeled import (
     DynamicUnicycle,
     Unicycle,
 )
+from tests.layers import layered
 
 MODELS: list[Dynamics] = [
     SingleIntegrator(speed=2.0),
@@ -134,7 +135,7 @@ def test_a_motion_to_nowhere_is_not_explained():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["unicycles", "formation3d"])
+@pytest.mark.parametrize("name", layered(("unicycles", "formation3d"), ("unicycles",)))
 def test_a_recorded_run_gives_its_drawn_disturbances_back(name, tmp_path):
     scenario = phalanx.load(name, ["duration=0.5"])
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)

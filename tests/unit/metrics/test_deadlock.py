@@ -118,6 +118,22 @@ def test_one_that_others_pass_is_not_in_deadlock(swarm):
     assert deadlocks(swarm, t, np.zeros((401, 2)), (9.0, 0.0), passing) == []
 
 
+def test_others_that_pass_behind_an_obstacle_next_to_it_are_no_way_out(swarm):
+    t = np.linspace(0.0, 20.0, 401)
+    passing = 2.0 + np.abs(t % 4.0 - 2.0)
+    beside = np.tile([0.0, 38.5], (401, 1))  # 0.5 m from the obstacle
+    assert len(deadlocks(swarm, t, beside, (9.0, 38.5), passing)) == 1
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_one_is_in_deadlock_if_it_wants_to_move_most_of_the_time(swarm, share):
+    watch = DeadlockWatch(swarm, 0.25, 5.0)
+    for t in np.arange(0.0, 20.0, 0.05).tolist():
+        watch.reached(t, np.array([0.0, 0.0, 0.0, 2.0, 90.0, 0.0]))
+        watch.applied(0, t, step(t, (float(t % 1.0 < share), 0.0), binding=(1,)))
+    assert bool(watch.deadlocks) == (share > 0.5)
+
+
 def test_one_that_moves_on_and_stands_again_is_in_deadlock_twice(swarm):
     t = np.linspace(0.0, 24.0, 481)
     stop = np.where(t < 8.0, 0.0, np.where(t < 10.0, t - 8.0, 2.0))

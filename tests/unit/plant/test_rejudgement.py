@@ -33,7 +33,7 @@ def decided_by_recording(summary: Summary) -> Summary:
 @pytest.mark.parametrize(
     ("name", "outcome"),
     [
-        ("crossing", Outcome.GUARANTEED),
+        pytest.param("crossing", Outcome.GUARANTEED, marks=pytest.mark.nightly),
         ("attacks/paper-margin", Outcome.VIOLATED),
         ("faults/actuator", Outcome.SAFE),
         ("faults/kill", Outcome.SAFE),
