@@ -76,8 +76,10 @@ def run_all(name: str, changes: dict[str, object], seeds: int, duration: float |
         records = RecordsInMemory()
         summary = Simulation(rows, records).run()
         outcomes[str(summary.outcome)] += 1
-        adversaries = {m.name for m in rows.swarm.members if m.adversary}
-        pairs = [bool(adversaries & set(v.pair.split("-", 1))) for v in summary.violations]
+        safe_set, normal = rows.swarm.safe_set, {*rows.swarm.normal}
+        agents = [pair for pair in safe_set.pairs if pair[1] < len(safe_set.members)]
+        attacked = {safe_set.label(pair) for pair in agents if not normal >= {*pair[:2]}}
+        pairs = [v.pair in attacked for v in summary.violations]
         unsafe["adversary"] += any(pairs)
         unsafe["normal"] += not all(pairs)
         if summary.promise:

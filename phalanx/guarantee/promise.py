@@ -5,12 +5,14 @@ tubes R apart, and the rule of commitments, keep a pair of normal agents *for ev
 agent hits no other while it moves by itself, though it may be hit once it stands.
 """
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.promise.capsules import Capsules, joined
+from phalanx.swarm.committed import reach_of
 from phalanx.swarm.keep import Keeper, Refusal, refusals_of
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -74,7 +76,8 @@ def grades(swarm: Swarm) -> Grades:
     tubes = {i: keeper.tube(x, _nothing(swarm, i)) for i, keeper in keepers.items()}
     for i, keeper in keepers.items():
         room = keeper.room(x, everyone, _nothing(swarm, i))
-        others = [l for l in everyone if l != i]
+        exits = swarm.safety.exit_velocity is not None
+        others = [l for l in everyone if l != i and not (exits and l in keeper.peers)]
         passive |= {(i, l): gap for l, gap in zip(others, room.members.tolist(), strict=True)}
         to_obstacles |= {(i, k): gap for k, gap in enumerate(room.obstacles.tolist())}
         later = {l: tubes[l] for l in keeper.peers if l > i}
@@ -96,13 +99,24 @@ def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spa
         elif (a, b) in distances:
             spare, grade = distances[a, b], for_ever
         else:
-            spare, grade = min(passive[side] for side in of_agents), passively
+            spare = min(passive[side] for side in of_agents)
+            grade = passively if swarm.safety.exit_velocity is None else for_ever
         if spare >= 0.0:
             grade.append(label)
         else:
-            short[label] = f"{-spare:.3g} m nearer than it may start"
-    sides = frozenset(side for side, spare in passive.items() if spare >= 0.0)
+            short[label] = _reason(swarm, b, spare)
+    stopping = swarm.safety.exit_velocity is None
+    sides = frozenset(side for side, spare in passive.items() if spare >= 0.0 and stopping)
     return Grades(tuple(for_ever), tuple(passively), short, (), sides)
+
+
+def _reason(swarm: Swarm, l: int, spare: float) -> str:
+    """Return what is short of a pair with member l."""
+    if np.isfinite(spare):
+        return f"{-spare:.3g} m nearer than it may start"
+    speed = reach_of(swarm, l).for_ever(swarm.start()[swarm.safe_set.parts[l]])[1]
+    name, velocity = swarm.names[l], swarm.safety.exit_velocity
+    return f"{name} makes {speed:.3g} m/s, the exit {math.hypot(*velocity or ()):.3g}"
 
 
 def _gaps(tube: Capsules, others: Mapping[int, Capsules]) -> dict[int, float]:

@@ -164,9 +164,16 @@ def started(motion: Motion, t: float, x: Array) -> Reference:
     return Reference(t, x, motion.brake(halves(x)[1]))
 
 
-def continued(motion: Motion, held: Reference, t: float) -> Reference:
-    """Return a fallback at a later sample."""
+def continued(
+    motion: Motion, held: Reference, t: float, velocity: Array | None = None
+) -> Reference:
+    """Return a fallback at a later sample, in a frame that moves with a velocity if one is given.
+
+    Positions are those at rest, speeds and inputs those in the frame.
+    """
     z = moved(held.z, held.u, motion.held(np.array([t - held.t])))
+    if velocity is not None:
+        z[: motion.axes] += (t - held.t) * velocity
     return started(motion, t, z)
 
 

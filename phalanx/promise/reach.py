@@ -1,6 +1,6 @@
 """A: everything that another member can reach, with any input in its bounds."""
 
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from phalanx.knowledge.held import held
 from phalanx.promise.capsules import Capsules, balls
 from phalanx.theory.arrays import Array
+from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Bounded
 from phalanx.theory.models.integrators import DoubleIntegrator
 
@@ -31,6 +32,24 @@ class Reach(NamedTuple):
             return self._from_speed(x, p, time)
         radius = self.dynamics.travel(x, time, self.disturbance)
         return balls(p[None], np.array([radius]))
+
+    def for_ever(self, x: Array) -> tuple[float, float]:
+        """Return bounds on its way from p at the state x: an offset [m], and a speed [m/s].
+
+        With drag a faster one comes down to U / β; without it, speeds have no bound.
+        """
+        if isinstance(self.dynamics, DoubleIntegrator):
+            return self._with_drag(x)
+        return 0.0, self.dynamics.travel(x, 1.0, self.disturbance)
+
+    def _with_drag(self, x: Array) -> tuple[float, float]:
+        assert isinstance(self.dynamics, DoubleIntegrator)
+        drag, axes = self.dynamics.drag, self.dynamics.dimension
+        if drag == 0.0:
+            return 0.0, inf
+        steady = (sqrt(axes) * self.dynamics.acceleration + self.disturbance) / drag
+        more = max(0.0, float(length(x[axes:])) - steady) / drag
+        return more, steady + self.disturbance
 
     def _from_speed(self, x: Array, p: Array, time: float) -> Capsules:
         """Return the way straight on, and around it what inputs and φ change."""

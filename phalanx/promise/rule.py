@@ -9,7 +9,9 @@ that does not, keeps a part of the tube that it had. Of two that sample together
 contains all that the other may choose. No step needs the solution of a program. ∎
 
 *Passively*: T is also R from A_o, of every other member o, until i's reference is at rest. So i
-hits no other while it moves by itself, whatever attacks; once it stands another may come.
+hits no other while it moves by itself, whatever attacks; once it stands another may come. Where
+the fallback is to leave, with a velocity w that all share, W is what it is in the moving frame, and
+T is R from what slower members can reach for ever: pairs with these are safe for ever.
 """
 
 from collections.abc import Sequence
@@ -18,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.promise.capsules import Capsules, Statics
+from phalanx.promise.exit import Chasers, swept
 from phalanx.promise.hold import Fallback, Reference, continued, started, tracked
 from phalanx.theory.arrays import Array
 from phalanx.theory.safety.obstacles import Obstacle
@@ -44,34 +47,57 @@ class Commitment:
     reference: Reference | None
     """The fallback that it follows; None after an input of its filter."""
 
-    def __init__(self, fallback: Fallback, radius: float, obstacles: Sequence[Obstacle]) -> None:
-        """radius: R, the required distance of output points [m]."""
+    def __init__(
+        self,
+        fallback: Fallback,
+        radius: float,
+        obstacles: Sequence[Obstacle],
+        velocity: Array | None = None,
+    ) -> None:
+        """Follow nothing yet.
+
+        Args:
+            fallback: in the frame that moves with the velocity.
+            radius: R, the required distance of output points [m].
+            obstacles: of the fallback *exit* spheres alone.
+            velocity: w of *exit*, shape (axes,) [m/s]; None for *hold*.
+        """
         self.fallback, self._radius, self._obstacles = fallback, radius, Statics(obstacles)
+        self._velocity = velocity
         self.reference = None
         self._next: Reference | None = None
         """The fallback's at the last sample."""
 
     def fallback_input(self, t: float, x: Array) -> Array:
-        """Return the fallback's input at a sample, of the point x = (p, v); shape (axes,)."""
-        motion, reference = self.fallback.motion, self.reference
-        self._next = started(motion, t, x) if reference is None else continued(motion, reference, t)
-        return tracked(motion, self._next, x)
+        """Return the fallback's input at a sample, of the point x = (p, v); shape (axes,).
 
-    def room(self, x: Array, u: Array, peers: Capsules, members: Capsules) -> Room:
+        For *exit* v and input are those in its frame.
+        """
+        motion, reference = self.fallback.motion, self.reference
+        new = started(motion, t, x)
+        if reference is not None:
+            new = continued(motion, reference, t, self._velocity)
+        self._next = new
+        return tracked(motion, new, x)
+
+    def room(self, x: Array, u: Array, peers: Capsules, members: Capsules | Chasers) -> Room:
         """Return the room of the tube after the input u, shape (axes,).
 
         Args:
             x: the sampled point.
             u: the input to judge.
             peers: W of each other normal agent.
-            members: A of each other member, within `rest_time(x, u)` of the fallback.
+            members: A of each other member, within `rest_time(x, u)` of the fallback; for *exit*
+                those that keep no rule, for ever.
         """
-        tube = self.fallback.tube(x, u)
-        return Room(
-            tube.gaps(peers) - self._radius,
-            tube.gaps(members) - self._radius,
-            self._obstacles.gaps(tube),
-        )
+        tube, velocity = self.fallback.tube(x, u), self._velocity
+        if isinstance(members, Chasers):
+            assert velocity is not None
+            gaps, way = members.gaps(tube, velocity), swept(tube, velocity)
+        else:
+            gaps, way = tube.gaps(members), tube
+        peers_gaps = tube.gaps(peers)
+        return Room(peers_gaps - self._radius, gaps - self._radius, self._obstacles.gaps(way))
 
     def follow(self, accepted: bool) -> None:
         """Go on with the input that was accepted, or with the fallback of the last sample."""

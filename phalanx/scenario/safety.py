@@ -10,6 +10,7 @@ from phalanx.schema.fields import (
     NUMBER,
     TABLE,
     WORD,
+    Finite,
     NonNegative,
     Positive,
     Strict,
@@ -35,6 +36,26 @@ ClassKField = Annotated[
 MarginField = Annotated[
     Annotated[str, one_of(Margin), Tag(WORD)] | Annotated[Table, OfKind(Margin), Tag(TABLE)],
     Discriminator(lambda value: TABLE if isinstance(value, dict) else WORD),
+]
+
+
+class Exit(Strict):
+    """The fallback to leave."""
+
+    exit: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+    """The velocity that all normal agents share [m/s]."""
+
+    @field_validator("exit")
+    @classmethod
+    def _moves(cls, velocity: tuple[float, ...]) -> tuple[float, ...]:
+        if not any(velocity):
+            raise ValueError("expected a velocity, got zeros only: keep = 'hold' stands")
+        return velocity
+
+
+KeepField = Annotated[
+    Annotated[Literal["hold"], Tag(WORD)] | Annotated[Exit, Tag(TABLE)],
+    Discriminator(lambda value: TABLE if isinstance(value, dict | Exit) else WORD),
 ]
 
 
@@ -77,8 +98,9 @@ class Safety(Strict):
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
 
-    keep: Literal["hold"] | None = None
-    """The fallback that agents always keep, of which pairs are promised: stop, and hold a place."""
+    keep: KeepField | None = None
+    """The fallback that agents always keep, so that pairs can be promised: hold, to stop and keep a
+    place; or { exit = [vx, vy] }, to move on for ever with one velocity that all share [m/s]."""
 
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()
@@ -156,6 +178,11 @@ class Safety(Strict):
     def committed(self) -> bool:
         """True if agents apply an input only if a fallback remains after it."""
         return self.keep is not None
+
+    @property
+    def exit_velocity(self) -> tuple[float, ...] | None:
+        """The velocity with which agents leave as their fallback [m/s]; None if they stop."""
+        return self.keep.exit if isinstance(self.keep, Exit) else None
 
     def build_information(self, unchanged: Mapping[int, float]) -> Information:
         """Build the information model; unchanged: Γ_l - δ_l^max of each normal agent [s]."""

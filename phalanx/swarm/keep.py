@@ -4,24 +4,33 @@ Agent and judge run the same rule on the same samples. An input that the rule wo
 through is found by the judge's copy, which answers it with another one.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from phalanx.knowledge.held import halves
 from phalanx.promise.capsules import ROUNDING, Capsules, joined
-from phalanx.promise.hold import STILL, Fallback, hold
-from phalanx.promise.reach import Reach
+from phalanx.promise.exit import Chasers
+from phalanx.promise.hold import STILL
 from phalanx.promise.rule import Commitment, Room
 from phalanx.scenario.model import ScenarioError
-from phalanx.swarm.points import AgentPoint, MovedByVelocity, agent_point, built_point
-from phalanx.swarm.swarm import DEFECT, Swarm
+from phalanx.swarm.committed import (
+    committed_point,
+    exit_velocity,
+    fallback_of,
+    largest_bound,
+    reach_of,
+    trusted,
+)
+from phalanx.swarm.points import MovedByVelocity
+from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Bounded
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.safety.function import Distance, Separation
-
-_BISECTIONS = 12
+from phalanx.theory.safety.obstacles import Sphere
 
 
 class Refusal(NamedTuple):
@@ -53,13 +62,15 @@ class Keeper:
         function = swarm.safety.safe_set_function
         assert isinstance(function, Distance | Separation)
         self._swarm, self._i, self.radius = swarm, i, function.radius
-        self.peers = trusted(swarm, i)
+        self.peers, self._velocity = trusted(swarm, i), exit_velocity(swarm)
         self._points = {l: committed_point(swarm, l) for l in (i, *self.peers)}
         self._fallbacks = {l: fallback_of(swarm, l) for l in (i, *self.peers)}
         self._reaches = {l: reach_of(swarm, l) for l in range(len(swarm.members)) if l != i}
         self._far = np.array([self._farthest(l) for l in range(len(swarm.members))])
         """By member, how far it reaches in what counts of it, at any state [m]."""
-        self.commitment = Commitment(self._fallbacks[i], self.radius, swarm.scenario.obstacles)
+        self.commitment = Commitment(
+            self._fallbacks[i], self.radius, swarm.scenario.obstacles, self._velocity
+        )
 
     def __call__(self, t: float, x: Array, seen: tuple[int, ...], u: Array) -> KeptInput:
         """Decide on the input u, shape (m_i,), at a sample x, shape (n̄,), of the agents seen."""
@@ -82,13 +93,13 @@ class Keeper:
     def _farthest(self, l: int) -> float:
         """Bound on how far from member l's output point W and A reach [m]."""
         swarm, x = self._swarm, self._swarm.start()
-        if not isinstance(swarm.members[l].dynamics, MovedByVelocity) or l == self._i:
+        bounded = isinstance(swarm.members[l].dynamics, MovedByVelocity) and l != self._i
+        chases = self._velocity is not None and l not in self.peers
+        if not bounded or chases or not self._fallbacks[self._i].motion.jumps:
             return np.inf
         part, p = swarm.safe_set.parts[l], swarm.positions(x)[l]
         time = self._fallbacks[self._i].motion.longest
-        if not self._fallbacks[self._i].motion.jumps:
-            return np.inf
-        reaches = [self._reaches[l].within(x[part], p, time)]
+        reaches = [self._reaches[l].within(x[part], p, time)] if self._velocity is None else []
         reaches += [self.expected(l, x)] if l in self.peers else []
         return max(float(reach.radius[0]) for reach in reaches)
 
@@ -98,16 +109,23 @@ class Keeper:
         parts, places = swarm.safe_set.parts, swarm.positions(x)
         own, axes = self._points[i].of(x[parts[i]]), places.shape[1]
         w = self._points[i].input(x[parts[i]], u)
-        time = self._fallbacks[i].rest_time(own, w)
-        return self.commitment.room(
-            own,
-            w,
-            joined([self.expected(l, x) for l in seen if l in self.peers], axes),
-            joined(
-                [self._reaches[l].within(x[parts[l]], places[l], time) for l in seen if l != i],
-                axes,
-            ),
-        )
+        expected = [self.expected(l, x) for l in seen if l in self.peers]
+        members: Capsules | Chasers
+        if self._velocity is None:
+            time = self._fallbacks[i].rest_time(own, w)
+            others = [l for l in seen if l != i]
+            reaches = [self._reaches[l].within(x[parts[l]], places[l], time) for l in others]
+            members = joined(reaches, axes)
+        else:
+            members = self._chasers([l for l in seen if l != i and l not in self.peers], x, places)
+        return self.commitment.room(own, w, joined(expected, axes), members)
+
+    def _chasers(self, others: Sequence[int], x: Array, places: Array) -> Chasers:
+        """Return all that keep no rule, each where its offset brings it nearest."""
+        parts = self._swarm.safe_set.parts
+        ways = [self._reaches[l].for_ever(x[parts[l]]) for l in others]
+        offsets, speeds = np.array(ways).reshape(-1, 2).T
+        return Chasers(places[list(others)], offsets, speeds)
 
     def tube(self, x: Array, u: Array) -> Capsules:
         """Return T of the input u, shape (m_i,), at x, shape (n̄,)."""
@@ -130,29 +148,6 @@ class Keeper:
         return reference is not None and float(length(halves(reference.z)[1])) <= STILL
 
 
-def trusted(swarm: Swarm, i: int) -> tuple[int, ...]:
-    """Return the other normal agents, which keep the rule; by `unknown` no role is read."""
-    reads_roles = swarm.safety.information_model.reads_roles
-    return tuple(l for l in swarm.normal if l != i) if reads_roles else ()
-
-
-def committed_point(swarm: Swarm, i: int) -> AgentPoint:
-    """Return agent i as a point, with the defect of integration as a disturbance."""
-    return agent_point(swarm, i, DEFECT)
-
-
-def fallback_of(swarm: Swarm, i: int) -> Fallback:
-    """Return agent i's fallback. Raises ValueError if φ is more than it can hold."""
-    return hold(committed_point(swarm, i).motion)
-
-
-def reach_of(swarm: Swarm, l: int) -> Reach:
-    """Return the reach of a member."""
-    dynamics = swarm.members[l].dynamics
-    assert isinstance(dynamics, Bounded)
-    return Reach(dynamics, swarm.groups[l].disturbance.bound + DEFECT)
-
-
 def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
     """Return why nothing can be promised to agent i, by field; empty if nothing is in the way."""
     safety, refusals = swarm.safety, list[Refusal]()
@@ -165,13 +160,32 @@ def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
     if swarm.scenario.limits:
         what = "expected none: write a wall as an obstacle, which the rule keeps clear of"
         refusals.append(Refusal("limits", what))
-    for l in (i, *trusted(swarm, i)):
+    if (velocity := safety.exit_velocity) is not None:
+        refusals += _of_exit(swarm, i, velocity)
+    for l in () if refusals else (i, *trusted(swarm, i)):
         refusals += _of_agent(swarm, l)
     for l, member in enumerate(swarm.members):
         if l != i and not isinstance(member.dynamics, Bounded):
             what = f"expected dynamics with `travel`, which bound how far {member.name} can get"
             refusals.append(Refusal(f"dynamics of {member.name}", what))
     return refusals or _blind(swarm, i)
+
+
+def _of_exit(swarm: Swarm, i: int, velocity: tuple[float, ...]) -> list[Refusal]:
+    """Return what is in the way of leaving with one velocity."""
+    axes, refusals = swarm.groups[i].axes, list[Refusal]()
+    if len(velocity) != axes:
+        refusals.append(Refusal("exit", f"expected {axes} numbers, got {len(velocity)}"))
+    dynamics = swarm.members[i].dynamics
+    if not isinstance(dynamics, SingleIntegrator | DoubleIntegrator):
+        what = "expected a single- or double-integrator: a unicycle has no velocity at any heading"
+        refusals.append(Refusal(f"dynamics of {swarm.names[i]}", what))
+    if not all(isinstance(obstacle, Sphere) for obstacle in swarm.scenario.obstacles):
+        refusals.append(Refusal("obstacles", "expected spheres, which an exit can be kept from"))
+    if swarm.sensing(i) is not None:
+        what = "expected none: who comes from ahead is met at any distance"
+        refusals.append(Refusal(f"sensing of {swarm.names[i]}", what))
+    return refusals
 
 
 def _of_agent(swarm: Swarm, l: int) -> list[Refusal]:
@@ -187,22 +201,10 @@ def _of_agent(swarm: Swarm, l: int) -> list[Refusal]:
     except ScenarioError as error:
         return [Refusal(f"dynamics of {name}", f"expected {str(error).partition('expected ')[2]}")]
     except ValueError as error:
-        what = f"{error}; {_enough(swarm, l)}"
-        return [Refusal(f"disturbance.bound of {name}", what)]
+        most = largest_bound(swarm, l)
+        enough = f"at most {most:.3g} would do" if most > 0.0 else "none would do"
+        return [Refusal(f"disturbance.bound of {name}", f"{error}; {enough}")]
     return []
-
-
-def _enough(swarm: Swarm, l: int) -> str:
-    """Return in words the largest bound on agent l's disturbance with which it holds a place."""
-    low, high = 0.0, (bound := swarm.groups[l].disturbance.bound)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        try:
-            built_point(swarm, l, middle - bound + DEFECT).motion.tracking  # noqa: B018
-            low = middle
-        except ValueError:
-            high = middle
-    return f"at most {low:.3g} would do" if low > 0.0 else "none would do"
 
 
 def _blind(swarm: Swarm, i: int) -> list[Refusal]:

@@ -120,22 +120,22 @@ BUDGET: Mapping[str, int] = {
     "cli": 1505,
     "explain": 810,
     "faults": 1030,
-    "guarantee": 2885,
+    "guarantee": 2900,
     "knowledge": 1580,
     "launcher": 2320,
     "messages": 915,
     "native": 300,
     "network": 1415,
     "plant": 5345,
-    "promise": 440,
+    "promise": 540,
     "pytest": 340,
     "recording": 2325,
     "report": 2010,
-    "scenario": 1650,
+    "scenario": 1680,
     "schema": 960,
     "seeded": 180,
     "studies": 2130,
-    "swarm": 2250,
+    "swarm": 2365,
     "testing": 910,
     "theory": 9265,
     "viewer": 5010,
@@ -327,7 +327,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_305), ("phalanx.launcher.simulation", 22_270)]
+    ("program", "most"), [("phalanx_agent.main", 15_325), ("phalanx.launcher.simulation", 22_285)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())
