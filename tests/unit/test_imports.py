@@ -138,7 +138,7 @@ BUDGET: Mapping[str, int] = {
     "swarm": 2365,
     "testing": 910,
     "theory": 9265,
-    "viewer": 5010,
+    "viewer": 5075,
     "wire": 600,
 }
 EXTENSIONS = {

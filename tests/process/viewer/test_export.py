@@ -50,7 +50,7 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     before, started = pixels(plot), slider.get_attribute("aria-valuenow")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
     wait_for(lambda: pixels(plot) != before)
-    offline.locator("#phx-agent").select_option("4")
+    offline.locator("#phx-agent").select_option("Agent 5")
     offline.get_by_text("Control step [ms], agent 5").wait_for()
     offline.keyboard.press("Home")
     wait_for(lambda: slider.get_attribute("aria-valuenow") == "0")
@@ -62,6 +62,10 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     wait_for(lambda: slider.get_attribute("aria-valuenow") == "0")
     offline.keyboard.press("Space")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != "0")
+    offline.goto("about:blank")
+    offline.goto(f"{html.as_uri()}#t=2&agent=3")
+    wait_for(lambda: float(slider.get_attribute("aria-valuenow") or 0) == 2.0)
+    assert offline.locator("#phx-agent").input_value() == "Agent 3"
     assert not [url for url in requests if url.startswith(("http", "ws"))]
 
 

@@ -42,8 +42,8 @@ def test_a_dead_robots_input_is_a_step_until_it_is_back_and_then_to_the_end(
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
     with served(replay := open_replay(run.folder)) as page:
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("and nominal").first.wait_for()
-        titles = tab.locator("#phx-plots h2 span").all_inner_texts()
+        tab.locator("#phx-plots h2", has_text="and nominal").first.wait_for()
+        titles = tab.locator("#phx-plots .phx-title").all_inner_texts()
         curves = tab.evaluate(DRAWN_ANEW)
         curve_of = dict(zip(titles, curves, strict=False))  # the lanes have no curve
         right = max(x for points in curves for x, _ in points)

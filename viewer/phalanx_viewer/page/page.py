@@ -54,9 +54,10 @@ if (!window.phalanx.connect) (() => {
   connect();
   window.phalanx.connect = name => { visitor = name; answer(); };
   window.phalanx.act = action => {
-    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(action));
+    const text = JSON.stringify({ ...action, visitor });
+    if (socket.readyState === WebSocket.OPEN) socket.send(text);
     // An action for a server that is gone is not for the one that comes after it.
-    else if (unsent !== "") unsent = JSON.stringify(action);
+    else if (unsent !== "") unsent = text;
   };
 })();
 window.phalanx.connect("NAME");
@@ -176,6 +177,8 @@ class Action(msgspec.Struct, frozen=True):
     play: bool | None = None
     speed: float | None = None
     """Speed of a replay, in multiples of real time."""
+    agent: str | None = None
+    """The agent that the visitor chooses, by name."""
     visitor: str = ""
     """Name that the server gave the visitor."""
     token: str = ""
@@ -268,7 +271,11 @@ class Page:
         except msgspec.DecodeError as error:
             log.warning("not an action: %s", error)
             return
-        self._admit(self.visitors.get(action.visitor), action.token)
+        visitor, names = self.visitors.get(action.visitor), self._feed.model.names
+        if visitor and action.token:
+            self._admit(visitor, action.token)
+        if visitor and action.agent in names:
+            visitor.select(names.index(action.agent))
         replay = self._feed
         if not isinstance(replay, Replay):
             return
@@ -281,10 +288,10 @@ class Page:
         if action.speed is not None:
             replay.set_speed(action.speed)
 
-    def _admit(self, visitor: Visitor | None, token: str) -> None:
+    def _admit(self, visitor: Visitor, token: str) -> None:
         """Let a visitor command the run, if it sent the token of the address."""
         live = self._feed
-        if visitor is None or not (isinstance(live, Live) and live.commandable and self._token):
+        if not (isinstance(live, Live) and live.commandable and self._token):
             return
         if hmac.compare_digest(token.encode(), self._token.encode()):
             visitor.admit(live)

@@ -8,6 +8,7 @@ function toggleZoom() {
   redraw(true);
   if (!zoomed) return;
   seekWorst();
+  content.plots.filter(plot => plot.zoom).forEach(plot => folded.delete(plot.title));
   if (!panel.clientWidth) foldPlots();
   requestAnimationFrame(() => drawn.find(plot => shown[plot.index].zoom)?.canvas.scrollIntoView());
 }
@@ -68,6 +69,7 @@ function nameLanes(p, count, high) {
 const panel = element("aside", { id: "phx-plots" });
 document.body.append(panel);
 let shown = [], drawn = [];
+const folded = new Set();  // titles of plots that the visitor folded
 
 // Begin and end of a plot.
 const spanOf = what => zoomed && what.zoom ? what.zoom : content;
@@ -75,7 +77,13 @@ const timeAt = (x, width, { begin, end }) =>
   begin + (end - begin) * (x - LEFT) / (width - LEFT - RIGHT);
 
 function plotOf(index) {
-  const title = element("span"), value = element("output"), canvas = element("canvas");
+  const title = element("button", { className: "phx-title", onclick() {
+    const name = shown[index].title;
+    if (!folded.delete(name)) folded.add(name);
+    this.blur();  // else the space bar would press it again
+    redraw(true);
+  } });
+  const value = element("output"), canvas = element("canvas");
   scrub(canvas, x => timeAt(x, canvas.clientWidth, spanOf(shown[index])));
   const zoom = element("button", { onclick() { toggleZoom(); this.blur(); } });
   const nodes = [element("h2", {}, title, value, zoom), canvas];
@@ -92,6 +100,7 @@ function drawPlots(all) {
   }
   panel.classList.toggle("phx-seekable", content.seekable);
   for (const plot of drawn) {
+    plot.title.ariaExpanded = !(plot.canvas.hidden = folded.has(shown[plot.index].title));
     if (all || plot.width !== plot.canvas.clientWidth) drawLayer(plot);
     drawCursor(plot);
   }
@@ -135,6 +144,7 @@ function drawLayer(plot) {
   plot.X = X;
   plot.zoom.hidden = !what.zoom;
   plot.zoom.textContent = zoomed ? "whole run (z)" : "worst moment (z)";
+  if (!width) return;  // it is folded
   timeAxis(p, X, span, width, height);
   if (what.lanes.length) {
     if (span === what.zoom) drawZoom(p, what.zoom, X, down);
@@ -208,6 +218,8 @@ function drawCurve(p, X, Y, curve) {
 function drawCursor(plot) {
   const { canvas, layer, value, X, width } = plot, height = canvas.clientHeight;
   const p = canvas.getContext("2d");
+  value.textContent = valueText(shown[plot.index], clock);
+  if (!width) return;
   p.clearRect(0, 0, width, height);
   p.drawImage(layer, 0, 0, width, height);
   const x = clamp(X(clock.t), LEFT, width - RIGHT);
@@ -216,7 +228,6 @@ function drawCursor(plot) {
     p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
   }
   line(p, [[x, TOP], [x, height - BOTTOM]], colour("ink"), 1);
-  value.textContent = valueText(shown[plot.index], clock);
 }
 
 // The bold curve's value, and the curve's name if the title does not have it. A server sends the

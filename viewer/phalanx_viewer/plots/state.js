@@ -1,12 +1,19 @@
 // The state of the page: its content, its cursor, and the functions that draw them.
 let content = null;
 let clock = { t: 0, playing: false, speed: 1 };
+// viser rewrites an address, without what is behind its #.
+const ADDRESS = new URL(performance.getEntriesByType("navigation")[0].name).hash || location.hash;
 const redraws = [];  // called with true if the content is new
 let due = false, fresh = false;
 
 const phalanx = window.phalanx = {
   act: () => {},
-  show(shown) { content = shown; redraw(true); },
+  show(shown) {
+    const first = content === null;
+    content = shown;
+    if (first) openAddress(ADDRESS);
+    redraw(true);
+  },
   at(time) { clock = time; redraw(false); },
 };
 

@@ -14,6 +14,14 @@ const play = button("▶", "Play or pause (space)", () => togglePlay());
 const speed = element("select", { title: "Speed", className: "phx-seek",
   onchange() { phalanx.act({ speed: Number(this.value) }); this.blur(); } },
   ...SPEEDS.map(s => new Option(s + " ×", s)));
+const linkButton = button("link", "An address that opens this moment, with the agent chosen", () => {
+  const agent = encodeURIComponent(content.agents[content.chosen]);
+  history.replaceState(null, "", `#t=${Number(clock.t.toFixed(3))}&agent=${agent}`);
+  // Without the token, with which others could command the run.
+  const address = location.href.replace(location.search, "");
+  if (navigator.clipboard) navigator.clipboard.writeText(address).catch(() => {});
+  say(`This moment: ${address}`);
+}, "");
 const plotsButton = button("plots", "Show or fold the plots", foldPlots, "");
 const firstViolation = () => content.marks.filter(mark => mark.kind === "violation")
   .reduce((first, mark) => !first || mark.t < first.t ? mark : first, null);
@@ -25,9 +33,8 @@ const violationButton = button("violation", "To the first violation", () => {
 const bar = element("footer", { id: "phx-timeline" },
   button("|◀", "To the start (home)", () => seek(content.begin)), play, speed, time, track,
   button("worst", "To the worst moment (z)", seekWorst),
-  violationButton, plotsButton);
-const note = element("div", { id: "phx-note", role: "status", hidden: true,
-  textContent: "A run that goes on cannot be moved in time. Its replay can." });
+  violationButton, linkButton, plotsButton);
+const note = element("div", { id: "phx-note", role: "status", hidden: true });
 document.body.append(bar, note);
 // On a small page its buttons may need two rows.
 new ResizeObserver(() => document.documentElement.style
@@ -55,11 +62,25 @@ function seekWorst() {
 
 // For a while.
 let noted = 0;
-function noteLive() {
+function say(text) {
+  note.textContent = text;
   note.hidden = false;
   clearTimeout(noted);
-  noted = setTimeout(() => { note.hidden = true; }, 4000);
+  noted = setTimeout(() => { note.hidden = true; }, 8000);
 }
+const noteLive = () => say("A run that goes on cannot be moved in time. Its replay can.");
+
+// Go to the time and agent that the address names, such as "#t=12.3&agent=2".
+function openAddress(hash) {
+  const address = new URLSearchParams(hash.slice(1)), agent = address.get("agent");
+  const action = {}, t = address.get("t");
+  if (content.agents.includes(agent)) action.agent = agent;
+  else if (agent !== null) say(`The run has no agent ${agent}: it has ${content.agents.join(", ")}.`);
+  if (t && Number.isFinite(+t)) action.seek = clamp(+t, content.begin, content.end);
+  else if (t !== null) say(`Expected a time in seconds, such as #t=12.3, got t=${t}.`);
+  if (address.size) phalanx.act(action);
+}
+addEventListener("hashchange", () => openAddress(location.hash));
 
 const trackTime = x =>
   content.begin + (content.end - content.begin) * (x - EDGE) / (track.clientWidth - 2 * EDGE);

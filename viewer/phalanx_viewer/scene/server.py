@@ -7,6 +7,7 @@ import logging
 import socket
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import Future
+from http import HTTPStatus
 from importlib.resources import files
 from typing import Any, TypeVar
 
@@ -14,6 +15,8 @@ import viser
 import websockets.asyncio.server
 from viser._messages import RunJavascriptMessage
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
 from websockets.typing import Origin
 
 T = TypeVar("T")
@@ -109,10 +112,18 @@ def serving(
     serve, allowed = module.serve, [None, *map(Origin, origins)]
 
     def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
+        def answer(connection: ServerConnection, request: Request) -> Any:
+            # viser's page takes "/#t=1" for the address of its server, but not "/?#t=1". A browser
+            # takes what is behind the # along.
+            if request.path == "/" and "Upgrade" not in request.headers:
+                headers = Headers({"Location": "/?", "Content-Length": "0"})
+                return Response(HTTPStatus.FOUND, "Found", headers)
+            return options["process_request"](connection, request)
+
         async def handle(connection: ServerConnection) -> None:
             await let_in(handler, connection)
 
-        return serve(handle, *arguments, origins=allowed, **options)
+        return serve(handle, *arguments, origins=allowed, **options | {"process_request": answer})
 
     module.serve = checked  # type: ignore[assignment, misc]
     try:
