@@ -6,7 +6,7 @@ from concurrent.futures import Executor, Future
 
 import pytest
 from phalanx_attacks import optimisers, runner
-from phalanx_attacks.archive import Behaviour, Find, write_finds
+from phalanx_attacks.archive import Archive, Behaviour, Find, find_of, write_finds
 from phalanx_attacks.optimisers import OPTIMISERS
 from phalanx_attacks.runner import attack
 from phalanx_attacks.search import Options
@@ -14,7 +14,7 @@ from phalanx_attacks.search import Options
 import phalanx
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import scenario_text
-from phalanx.studies.row import Identity, Row
+from phalanx.studies.row import Identity, Row, json_text
 from phalanx.studies.store import StudyError
 from tests.layers import layered
 from tests.weak_swarm import weak
@@ -118,6 +118,27 @@ def test_an_optimiser_tries_all_choices_and_begins_again_where_nothing_improves(
     assert all(0.0 <= number <= 1.0 for point in points for number in point.numbers)
     assert len({point.numbers for point in points}) == 200
     assert trials.restarts == ([9, 18] if optimiser == "cma-es" else [])
+
+
+def test_fresh_seeds_confirm_the_best_of_a_behaviour_and_no_run_that_it_replaced():
+    first, best = (
+        find_of(
+            number,
+            Row(
+                identity=Identity("", number, "", ""), overrides={}, outcome="safe", reason="",
+                robustness=json_text({"1 2": value, "1 3": 9.0}), worst_at=0.5,
+            ),
+        )
+        for number, value in ((1, 0.75), (2, 0.25))
+    )  # fmt: skip
+    archive = Archive(1.0)
+    assert archive.add(first)
+    assert archive.add(best)
+    archive.confirm(first, [first.row])
+    ((_, find),) = archive.best_first
+    assert (find.number, find.fresh) == (2, ())
+    archive.confirm(best, [best.row])
+    assert archive.best_first[0][1].fresh == (best.row,)
 
 
 def test_of_an_archive_the_violated_runs_become_files_or_else_the_best(tmp_path):

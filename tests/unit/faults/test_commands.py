@@ -112,6 +112,8 @@ def test_a_turn_counts_from_when_it_has_an_effect():
         Command(0.4, TURN, "b"),
         Command(0.5, THAW, "a"),
         Command(0.6, TURN, "a"),
+        Command(0.7, FREEZE, "b"),
+        Command(0.8, THAW, "b"),  # an adversary, as before
     ]
     assert turns(("a", "b"), commands) == {"b": 0.3, "a": 0.6}
 

@@ -111,6 +111,15 @@ def test_a_controller_asks_for_how_long_all_pairs_in_sight_are_certified():
     assert certified(swarm.start(), u, [0]) == certificates.longest
 
 
+@pytest.mark.parametrize(("jitter", "holds"), [(0.0, False), (0.004, True)])
+def test_a_start_has_to_be_certified_until_the_earliest_next_input(jitter, holds):
+    """Agent 2 comes at 3 m/s, agent 1 flees at 1 m/s: they meet after about 8 ms."""
+    chased = "agents.1.dynamics.speed=3.0", "agents.1.start=[[0.0, -1.016]]"
+    swarm = swarm_of_scenario("one-on-one", *chased, f"agents.0.clock.jitter={jitter}")
+    assert 0.006 < longest_certificate(swarm, 0, swarm.start()) < 0.01
+    assert certified_start(swarm).holds == holds
+
+
 @pytest.mark.parametrize(("latency", "flees"), [(0.0, True), (0.004, False)])
 def test_a_start_is_certified_by_fleeing_unless_zero_is_held_at_first(latency, flees):
     chased = "agents.1.start=[[0.0, -1.02]]", f"time.latency={latency}"

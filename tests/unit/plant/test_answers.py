@@ -65,6 +65,16 @@ def test_an_actuation_that_is_not_the_answer_is_refused(
     assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 
+def test_in_real_time_an_input_waits_for_the_report_on_its_own_sample(answers: Answers):
+    answers.expect(0, sample(0))
+    answers.on_telemetry(0, report(0))  # which nothing has taken yet
+    answers.expect(0, sample(1))
+    answers.on_actuation(0, GOOD)
+    assert answers.take_reported(0) is None
+    answers.on_telemetry(0, report(1))
+    assert answers.take_reported(0).tolist() == [1.0, 0.0]
+
+
 def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice(answers: Answers):
     answers.expect(0, sample(0))
     answers.expect(0, sample(1))

@@ -119,3 +119,19 @@ def test_a_run_is_stepped_commanded_and_asserted():
     assert [command.kind for command in run.recording.commands] == ["kill"]
     with pytest.raises(ClaimError, match=r"\w ended \S+ m from its goal"):
         run.assert_arrives(by=2.9)
+
+
+def test_after_each_of_several_faults_there_is_time_to_recover():
+    cuts = [partition(["a"], at=0.5, for_=0.1), partition(["a"], at=1.5, for_=0.5)]
+    run = crossed(faults=cuts)
+    next(state for state in run.recording.states if state.t > 2.05).h = 0.1
+    run.assert_recovers(after="partition", within=0.2)
+    with pytest.raises(ClaimError, match=r"a pair is unsafe at t = 2\.0"):
+        run.assert_recovers(after="partition", within=0.01)
+
+
+def test_one_who_also_convicts_the_honest_detects_no_liar():
+    run = crossed(**RUNS["watched"])
+    run.summary.trust.convictions[-1].after = None
+    with pytest.raises(ClaimError, match=r"\w convicted b falsely at t = 0\.\d+ s"):
+        run.assert_detects("b")
