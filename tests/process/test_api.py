@@ -118,7 +118,11 @@ print(phalanx.open(sys.argv[1]).view(int(sys.argv[2])).url, flush=True)
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize("end", ["", "os.kill(os.getpid(), signal.SIGKILL)"])
+@pytest.mark.parametrize(
+    "end",
+    [pytest.param("", marks=pytest.mark.nightly), "os.kill(os.getpid(), signal.SIGKILL)"],
+    ids=["returns", "is killed"],
+)
 def test_a_replay_ends_with_the_program_that_serves_it(run: phalanx.Run, end: str):
     def refused() -> bool:
         try:

@@ -115,7 +115,7 @@ class Failing:
 """
 
 
-@pytest.mark.parametrize("end", ["killed", "failed"])
+@pytest.mark.parametrize("end", ["killed", pytest.param("failed", marks=pytest.mark.nightly)])
 def test_an_agent_that_dies_is_lost_and_the_run_goes_on(
     phalanx, tmp_path, monkeypatch, end: str
 ) -> None:
