@@ -11,10 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.promise.capsules import Capsules, joined
-from phalanx.swarm.committed import reach_of
+from phalanx.promise.reach import Reach
+from phalanx.swarm.committed import committed_point, reach_of
 from phalanx.swarm.keep import Keeper, Refusal, refusals_of
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.points import MovedByVelocity
+from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array
 
 _MOST = 6
@@ -34,6 +37,8 @@ class Grades(NamedTuple):
     """By pair the number that is short, and the value that would do."""
     refusals: tuple[str, ...] = ()
     """What keeps whole agents from any promise."""
+    leaving: str = ""
+    """Why no promise to leave is possible either, where an agent cannot hold a place."""
     sides: frozenset[tuple[int, int]] = frozenset()
     """Agents that are promised not to hit a member themselves: (agent, member)."""
 
@@ -41,7 +46,8 @@ class Grades(NamedTuple):
         """Return what is promised; committed: whether agents keep the rule in a run."""
         if self.refusals and not self.for_ever and not self.passively:
             short = [why for why in self.refusals if why.startswith("disturbance.bound")]
-            return [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
+            words = [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
+            return words + ([self.leaving] if words and self.leaving else [])
         with_rule = "" if committed else "With safety.keep = 'hold': p"
         promise = f"{with_rule or 'P'}romised before the run, under any filter and network: "
         parts = [
@@ -69,7 +75,10 @@ def grades(swarm: Swarm) -> Grades:
         if found := refusals_of(swarm, i):
             refusals[i] = found[0]
     if refusals:
-        return Grades(refusals=tuple(dict.fromkeys(map(str, refusals.values()))))
+        return Grades(
+            refusals=tuple(dict.fromkeys(map(str, refusals.values()))),
+            leaving=_no_exit(swarm, next(iter(refusals))),
+        )
     keepers = {i: Keeper(swarm, i) for i in swarm.normal}
     distances, passive, to_obstacles = _Spare(), _Spare(), _Spare()
     everyone = tuple(range(len(swarm.members)))
@@ -107,7 +116,37 @@ def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spa
             short[label] = _reason(swarm, b, spare)
     stopping = swarm.safety.exit_velocity is None
     sides = frozenset(side for side, spare in passive.items() if spare >= 0.0 and stopping)
-    return Grades(tuple(for_ever), tuple(passively), short, (), sides)
+    return Grades(tuple(for_ever), tuple(passively), short, sides=sides)
+
+
+def _no_exit(swarm: Swarm, i: int) -> str:
+    """Return that an adversary is faster than agent i can leave, each with its disturbance.
+
+    It is empty where none is, and for dynamics that are not moved by velocities.
+    """
+    adversaries = [l for l, member in enumerate(swarm.members) if member.adversary]
+    members = [swarm.members[l].dynamics for l in (i, *adversaries)]
+    if not adversaries or not all(isinstance(model, MovedByVelocity) for model in members):
+        return ""
+    x, parts = swarm.start(), swarm.safe_set.parts
+    motion = committed_point(swarm, i).motion
+    assert isinstance(motion, VelocityMotion)
+    turns = motion.turning > 0.0
+    # Straight on, one that turns does not drive sideways.
+    straight = float(motion.velocities.corners[:, 0].max()) if turns else motion.fastest
+    speeds = {l: reach_of(swarm, l).for_ever(x[parts[l]])[1] for l in adversaries}
+    l = max(speeds, key=lambda l: speeds[l])
+    if straight - motion.disturbance > speeds[l]:
+        return ""
+    calm = Reach(reach_of(swarm, l).dynamics, 0.0).for_ever(x[parts[l]])[1]
+    bound = swarm.groups[i].disturbance.bound + DEFECT
+    both = (straight - calm) * bound / (motion.disturbance + speeds[l] - calm)
+    enough = f"at most {both:.3g} for both would do" if both > 0.0 else "no bound would do"
+    return (
+        f"Nor could a promise to leave be made: {swarm.names[l]} makes {speeds[l]:.3g} m/s with "
+        f"its disturbance, {swarm.names[i]} {straight - motion.disturbance:.3g} m/s straight on "
+        f"against its own; {enough}."
+    )
 
 
 def _reason(swarm: Swarm, l: int, spare: float) -> str:

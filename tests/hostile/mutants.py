@@ -50,6 +50,11 @@ _PROOFS, _TEST_PROOFS = (
     "tests/unit/guarantee/test_proven_filter.py",
 )
 _CERTIFY = "packages/phalanx-certify"
+_HOLD, _RULE, _KEEP = "phalanx/promise/hold.py", "phalanx/promise/rule.py", "phalanx/swarm/keep.py"
+_EXIT, _COMMITTED = "phalanx/promise/exit.py", "phalanx/swarm/committed.py"
+_LEDGER, _TEST_PROMISE = f"{_PLANT}/judge/promise.py", "tests/unit/promise"
+_TEST_RULE, _TEST_RUNS = f"{_TEST_PROMISE}/test_rule.py", f"{_TEST_PROMISE}/test_runs.py"
+_TEST_EXIT = f"{_TEST_PROMISE}/test_exit.py"
 _KNOWLEDGE, _TEST_KNOWLEDGE = "phalanx/knowledge", "tests/unit/knowledge"
 
 MUTANTS = (
@@ -323,6 +328,44 @@ MUTANTS = (
            " + _reached(factors, twice) * pull", "", f"{_TEST_KNOWLEDGE}/test_tracking.py"),
     Mutant("κ above 1/(e τ)", f"{_KNOWLEDGE}/own_parts.py",
            "min(kappa, 1.0 / (_E * longest))", "kappa", f"{_TEST_KNOWLEDGE}/test_own_parts.py"),
+    Mutant("a tube without what drifts in a hold", _HOLD,
+           "self._drift * motion.longest + motion.tube", "motion.tube", _TEST_RULE),
+    Mutant("a tube without the way to stop", _HOLD,
+           "Capsules(p, p + factor[:, None] * v, radius)", "Capsules(p, p, radius)", _TEST_RULE),
+    Mutant("W without the reference that others do not see", _HOLD,
+           "max(following, holding)", "following", _TEST_PROMISE),
+    Mutant("an input that the rule does not let through", _KEEP,
+           "and self._accepts(x, seen, u)", "", _TEST_RUNS),
+    Mutant("members left out that are near", _KEEP,
+           "self.radius + ends.max() + ROUNDING", "0.0", _TEST_RUNS),
+    Mutant("members without R", _RULE, "gaps - self._radius, self._obstacles",
+           "gaps, self._obstacles", _TEST_RULE),
+    Mutant("peers without R", _RULE, "peers_gaps - self._radius", "peers_gaps", _TEST_RULE),
+    Mutant("an exit that stands", _RULE,
+           "continued(motion, reference, t, self._velocity)", "continued(motion, reference, t)",
+           _TEST_EXIT),
+    Mutant("a chaser as fast as the exit", _EXIT,
+           "np.where(self.speeds < fastest, least, -np.inf)", "least", _TEST_EXIT),
+    Mutant("a chaser's first speed", _EXIT, "least - self.offsets", "least", _TEST_EXIT),
+    Mutant("all velocities in the moving frame", _COMMITTED,
+           "inputs.b - dot(inputs.A, velocity)", "inputs.b", _TEST_EXIT),
+    Mutant("all of the acceleration in the moving frame", _COMMITTED,
+           "motion.acceleration - float(np.abs(self._input).max())", "motion.acceleration",
+           _TEST_EXIT),
+    Mutant("the speed at rest in the moving frame", _COMMITTED,
+           "v - self._speed", "v", _TEST_EXIT),
+    Mutant("an agent that keeps no rule", _LEDGER,
+           "not np.array_equal(answer.u, event.u)", "False", _TEST_RUNS),
+    Mutant("a promise in spite of a late sample", _LEDGER,
+           "if t > due + _ROUNDING:", "if False:", _TEST_RUNS),
+    Mutant("a promise in spite of a late input", _LEDGER,
+           "event.t_apply > t + _ROUNDING", "False", _TEST_RUNS),
+    Mutant("a promise in spite of an unsafe pair", _LEDGER,
+           "self._hit_at_rest(sides, excursion)", "True", _TEST_RUNS),
+    Mutant("a promise for ever with one that turned", _LEDGER,
+           "and len(acting) == len(sides)", "", _TEST_RUNS),
+    Mutant("the defect of integration", _COMMITTED,
+           "agent_point(swarm, i, DEFECT), exit", "agent_point(swarm, i), exit", _TEST_RUNS),
 )  # fmt: skip
 
 

@@ -45,6 +45,15 @@ def test_a_set_is_as_near_as_its_nearest_point():
     assert chaser.gaps(segment, W)[0] == pytest.approx(1.25, abs=1e-5)
 
 
+def test_a_first_speed_brings_a_chaser_nearer_by_its_offset():
+    point = balls(np.zeros((1, 2)), np.zeros(1))
+    slow, fast = (
+        Chasers(np.array([[-2.0, 0.0]]), np.array([offset]), np.ones(1)).gaps(point, W)[0]
+        for offset in (0.0, 0.5)
+    )
+    assert slow - fast == 0.5
+
+
 @pytest.mark.parametrize("speed", [1.5, 1.6, np.inf])
 def test_one_that_is_as_fast_reaches_everything(speed):
     far = Chasers(np.array([[-900.0, 0.0]]), np.zeros(1), np.array([speed]))

@@ -174,16 +174,15 @@ def test_without_one_part_an_agent_leaves_its_tube_or_what_others_expect(motion,
             assert getattr(mistaken, tube)(*counted).gaps(way).max() > 0.0
 
 
-def test_w_counts_the_memory_that_others_do_not_see():
-    # It has fallen back at the other end of its tube: its place is not where it is.
-    agent = member(VELOCITIES, [0.0, 0.0])
-    place, tube = np.array([0.0, 0.0]), VELOCITIES.tube
-    agent.x[:2] = [0.0, tube]
-    reached = place - [0.0, tube]
-    expected = agent.commitment.fallback.expected(agent.x)
-    assert expected.gaps(disc(reached, 0.0))[0] <= 0.0
+@pytest.mark.parametrize("motion", [VELOCITIES, BRAKE])
+def test_w_counts_the_reference_that_others_do_not_see(motion):
+    # It holds a place, and is at one end of its tube: it may come to be at the other.
+    fallback, tube = hold(motion), motion.tube
+    other_end = disc([-2.0 * tube, 0.0], 0.0)
+    expected = fallback.expected(np.zeros(4))
+    assert expected.gaps(other_end)[0] <= 0.0
     of_the_ball_around_it = expected._replace(radius=np.array([tube]))
-    assert of_the_ball_around_it.gaps(disc(reached, 0.0))[0] > 0.0
+    assert of_the_ball_around_it.gaps(other_end)[0] > 0.0
 
 
 def test_the_distance_is_r_on_the_bound_and_a_step_to_each_side():

@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.judge.promise import PromiseLedger
+from phalanx_plant.world.events import InputApplied
 
 from phalanx.guarantee.check import check
 from phalanx.guarantee.promise import grades
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.guarantee.verdict import Outcome, Summary, Violation
 from phalanx.launcher.simulation import Simulation
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.swarm.keep import Keeper
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
+from tests.unit.swarms import checked, swarm_of_scenario
 
 TABLE = {
     "name": "meeting",
@@ -120,6 +123,36 @@ def test_a_turn_leaves_the_others_what_they_keep_by_themselves():
     assert (promise.for_ever, promise.passively, promise.promised) == (1, 2, 3)
 
 
+def ledger_after(t: float) -> PromiseLedger:
+    """A judge's, when a has moved by an input that it may apply, and then stood from t on."""
+    swarm = build_swarm(scenario())
+    ledger, x = PromiseLedger(swarm), swarm.start()
+    for at, u in ((0.0, [0.1, 0.0]), (t, [0.0, 0.0])):
+        ledger.sampled(0, at)
+        ledger.applied(InputApplied(0, 0, at, at, np.array(u), x), x, truthful=True)
+    return ledger
+
+
+@pytest.mark.parametrize(("at", "broken"), [(0.02, True), (0.06, False)])
+def test_an_agent_that_is_hit_while_it_moves_breaks_its_promise(at, broken):
+    hit = Violation("a-rogue", at, 0.1, at, 0.01, 1, at, None)
+    summary = ledger_after(0.05).summary(0.1, [hit])
+    why = [b for b in summary.broken if b.agent == "a"]
+    assert [b.why for b in why] == (["a-rogue was unsafe"] if broken else [])
+
+
+def test_an_unsafe_pair_breaks_what_was_promised_for_ever_at_any_speed():
+    hit = Violation("a-obstacle 0", 0.08, 0.1, 0.08, 0.01, 1, 0.08, None)
+    (broken,) = [b for b in ledger_after(0.05).summary(0.1, [hit]).broken if b.agent == "a"]
+    assert broken.why == "a-obstacle 0 was unsafe"
+
+
+def test_the_room_counts_what_integration_may_be_off():
+    unpushed = build_swarm(scenario(agents__0__disturbance={"bound": 0.0}))
+    keeper, x = Keeper(unpushed, 0), unpushed.start()
+    assert keeper.tube(x, np.zeros(2)).radius[0] >= 1e-4 * 0.07
+
+
 def test_the_judge_finds_an_agent_that_does_not_keep_the_rule():
     simulation = Simulation(require_runnable(build_swarm(scenario())))
     simulation.agents.steps[0]._controller.keeper = None
@@ -203,6 +236,20 @@ def test_check_names_what_is_short_and_what_would_do():
     bound = float(too_much.refusals[0].split("at most ")[1].split(" would do")[0])
     assert grades(build_swarm(scenario(agents__0__disturbance__bound=0.99 * bound))).for_ever
     assert not grades(build_swarm(scenario(agents__0__disturbance__bound=1.01 * bound))).for_ever
+
+
+def test_check_says_at_what_disturbance_of_both_a_robot_outruns_its_pursuer():
+    def leaving(bound: float) -> str:
+        return grades(swarm_of_scenario("unicycles", *(
+            f"agents.{g}.disturbance.bound={bound}" for g in (0, 1)
+        ))).leaving  # fmt: skip
+
+    assert "4 makes 3.8 m/s with its disturbance, 1 2.22 m/s straight on" in leaving(1.73)
+    bound = float(leaving(1.73).split("at most ")[1].split(" for both")[0])
+    assert bound == pytest.approx(0.963, abs=1e-3)
+    assert leaving(1.01 * bound)
+    assert not leaving(0.99 * bound)
+    assert "Nor could a promise to leave be made" in " ".join(checked("unicycles").words)
 
 
 @pytest.mark.parametrize(
