@@ -4,6 +4,7 @@ import polars as pl
 import pytest
 
 import phalanx
+from tests.layers import layered
 from tests.process.runs import on_both_engines
 
 pytestmark = pytest.mark.swarm
@@ -44,9 +45,10 @@ def test_whatever_happens_to_states_on_their_way_the_trajectory_is_one(changes: 
     assert runs[0].summary.notes == [], "every fault had an effect"
 
 
-@pytest.mark.parametrize(
-    "name", ["crossing-radio", "warehouse-radio", "guaranteed-radio", "formation3d-radio"]
-)
+OTHERS = ("crossing-radio", "warehouse-radio", "guaranteed-radio", "formation3d-radio")
+
+
+@pytest.mark.parametrize("name", layered(OTHERS, ("guaranteed-radio",)))
 def test_other_agents_have_one_trajectory_too(name: str) -> None:
     fewer = {"duration": 1.5, "agents.0.disturbance.kind": "adverse"}
     faults = [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}]

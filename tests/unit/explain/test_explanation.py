@@ -2,8 +2,10 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from phalanx.recording.read import Recording
 from phalanx.scenario.load import load
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput
 
 SWAP = {
@@ -221,6 +224,8 @@ def test_the_worst_moment_is_where_an_input_is_farthest_from_its_wish(swap):
         for step in swap.steps
     }
     assert away[agent, t] == max(away.values())
+    attack = msgspec.structs.replace(swap.steps[-1], origin=Origin.ATTACK, u=(99.0, 0.0))
+    assert moments.worst(replace(swap, steps=[*swap.steps, attack])) == (agent, t)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from phalanx.guarantee.verdict import Assumption, Outcome, Violation, judge
+from phalanx.guarantee.verdict import Assumption, Deadlock, Outcome, Violation, judge
 
 
 def violation(pair: str, first: float, worst: float) -> Violation:
@@ -21,6 +21,12 @@ def test_of_the_deepest_violation_only_what_failed_until_its_begin_may_be_the_re
         "to 4.500 s; assumptions that had failed: start in S (since t = 0.000 s), "
         "sampling gap (since t = 4.000 s)"
     )
+
+
+def test_one_waits_for_who_held_it_at_least_half_as_long_as_the_one_that_did_longest():
+    held_by = {"d": 0.99, "c": 1.0, "b": 2.0}
+    assert Deadlock("a", 0.0, 3.0, held_by).waits_for == ["b", "c"]
+    assert Deadlock("a", 0.0, 3.0).waits_for == []
 
 
 @pytest.mark.parametrize("excluded", [None, [violation("4-5", 1.0, 0.5)]])
