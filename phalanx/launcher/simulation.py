@@ -17,6 +17,7 @@ import numpy as np
 from phalanx_agent.step import control_steps
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.judge.event_queue import LARGE_BATCH
 from phalanx_plant.observers.recorder import RecordSink
 from phalanx_plant.run import ENDINGS, End, PlantRun, ended_by
 from phalanx_plant.sampling.sampling import NoProcesses
@@ -85,7 +86,8 @@ class Simulation:
             self.queue = CommandQueue(options.commands, rows.swarm.names)
             agents = self.agents = DirectAgents(rows, options.progress)
             opened.callback(agents.end_programs)
-            self.plant = PlantRun(rows, agents, sink, self.queue, self._make_clock)
+            parts = rows, agents, sink, self.queue, self._make_clock
+            self.plant = PlantRun(*parts, batch=LARGE_BATCH)
             self._instants = self._watched_instants()
             self._opened = opened.pop_all()
 
@@ -176,9 +178,9 @@ class RecordsInMemory:
         for record in records:
             self._of[type(record)].append(record)
 
-    def recording(self, scenario: Scenario) -> Recording:
-        """Return the states and steps so far, as of a run of this scenario."""
-        return Recording(Path(), scenario, {}, self._of[State], self._of[Step])
+    def recording(self, scenario: Scenario, summary: Summary | None = None) -> Recording:
+        """Return the states and steps so far, as of a run of this scenario with this summary."""
+        return Recording(Path(), scenario, {}, self._of[State], self._of[Step], summary=summary)
 
 
 class DirectAgents(NoProcesses):

@@ -66,7 +66,7 @@ def _row_by(work: Work, job: Job, identity: Identity) -> Row:
 def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
     records = RecordsInMemory()
     summary = Simulation(rows, records).run()
-    recording = records.recording(rows.swarm.scenario)
+    recording = records.recording(rows.swarm.scenario, summary)
     return row_of(identity, job.overrides, summary, recording, rows.swarm)
 
 

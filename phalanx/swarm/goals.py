@@ -1,6 +1,6 @@
 """Each agent's goal as a function of the time and of the states that it sees."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -66,6 +66,13 @@ class AgentGoal:
     def __call__(self, t: float, states: Mapping[int, Array]) -> Goal:
         """Return the goal. Raises MistakenMethodError of a user's reference."""
         return self._goal(Sight(t, self.agent, partial(self._motion, states)))
+
+    def positions(self, t: Array, states: Sequence[Mapping[int, Array]]) -> Array:
+        """Return the goal's places at s times [s], given the states at each, shape (s, d) [m]."""
+        if isinstance(self.reference, Slot):
+            return self.reference.formation.positions(self.reference.slot, t)
+        places = [self(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
+        return np.array(places)
 
     @cached_property
     def _goal(self) -> Callable[[Sight], Goal]:

@@ -18,7 +18,7 @@ from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.cache import FunctionCache
-from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.laws.goals import Stay
 from phalanx.theory.laws.law import Law, TeamLaw
@@ -172,14 +172,18 @@ class Swarm:
         return tuple(np.flatnonzero(dot(offsets, offsets) <= radius * radius).tolist())
 
     def positions(self, x: Array) -> Array:
-        """Return the output positions [m] at the stacked state x, shape (N, 2) or (N, 3)."""
-        return self._positions(x)[0].reshape(len(self.members), -1)
+        """Return the output positions [m] at one stacked state or several.
+
+        x: shape (..., n̄). Returns shape (..., N, 2) or (..., N, 3).
+        """
+        points = self._positions.rows(np.atleast_2d(x))
+        return points.reshape(*x.shape[:-1], len(self.members), self.groups[0].axes)
 
     @cached_property
-    def _positions(self) -> CompiledFunction:
-        def compiled() -> CompiledFunction:
+    def _positions(self) -> MappedFunction:
+        def compiled() -> MappedFunction:
             composed = self.safe_set
-            return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+            return MappedFunction([composed.x], [ca.horzcat(*composed.positions).T])
 
         return self.functions.get("positions", compiled)
 

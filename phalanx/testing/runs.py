@@ -68,7 +68,7 @@ class CheckedRun(Run):
     def assert_never_closer(self, distance: float) -> str | None:
         """Claim that no normal agent comes closer to another agent than this [m]."""
         swarm, recording = self._swarm, self.recording
-        p = np.array([swarm.positions(state) for state in recording.x])
+        p = swarm.positions(recording.x)
         others = [(i, l) for i in swarm.normal for l in range(len(swarm.names)) if i != l]
         if not others:
             return "there is no other agent"

@@ -23,6 +23,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.judge.event_queue import LARGE_BATCH
 from phalanx_plant.run import PlantRun
 from phalanx_plant.sampling.sampling import NoProcesses
 
@@ -44,7 +45,8 @@ def judge_again(recording: Recording) -> Summary:
     agents = RecordedAgents(recording, summary, swarm)
     policy = CommandPolicy(schedule=tuple(c for c in recording.commands if c.fault < 0))
     commands = CommandQueue(policy, swarm.names)
-    again = PlantRun(build_rows(swarm), agents, None, commands, Lockstep).run()
+    rows = build_rows(swarm)
+    again = PlantRun(rows, agents, None, commands, Lockstep, batch=LARGE_BATCH).run()
     if again.trajectory != summary.trajectory:
         raise UnreadableRecordingError(f"{recording.path}: its inputs give another trajectory")
     return again

@@ -15,7 +15,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx_plant.clock.commands import CommandQueue, declared
-from phalanx_plant.judge.event_queue import EventQueue
+from phalanx_plant.judge.event_queue import BATCH, EventQueue
 from phalanx_plant.judge.judge import Judge
 from phalanx_plant.observers.publisher import FrameAudience, Publisher
 from phalanx_plant.observers.recorder import Recorder, RecordSink, TrajectoryHash
@@ -100,6 +100,7 @@ class PlantRun:
         commands: CommandQueue,
         clock: ClockFactory,
         audience: FrameAudience | None = None,
+        batch: int = BATCH,
     ) -> None:
         """Assemble a run.
 
@@ -110,6 +111,7 @@ class PlantRun:
             commands: of the run.
             clock: makes its clock.
             audience: receives frames.
+            batch: most instants judged in one call.
         """
         swarm = rows.swarm
         self._scenario, self._declared = swarm.scenario, swarm.links.declared
@@ -128,7 +130,8 @@ class PlantRun:
         observers = [self._trajectory.add, self._publisher.see]
         if recording is not None:
             observers.append(Recorder(swarm, recording).record)
-        events = EventQueue(self.judge, agents.await_telemetry, observers, self._publisher.idle)
+        idle = self._publisher.idle
+        events = EventQueue(self.judge, agents.await_telemetry, observers, idle, batch)
         self._clock = clock(self._world, self._sampling, agents, events, commands)
 
     def run(

@@ -126,7 +126,7 @@ BUDGET: Mapping[str, int] = {
     "messages": 915,
     "native": 300,
     "network": 1415,
-    "plant": 5345,
+    "plant": 5365,
     "promise": 540,
     "pytest": 340,
     "recording": 2325,
@@ -135,9 +135,9 @@ BUDGET: Mapping[str, int] = {
     "schema": 960,
     "seeded": 180,
     "studies": 2130,
-    "swarm": 2365,
+    "swarm": 2375,
     "testing": 910,
-    "theory": 9265,
+    "theory": 9275,
     "viewer": 5075,
     "wire": 600,
 }
@@ -327,7 +327,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_325), ("phalanx.launcher.simulation", 22_285)]
+    ("program", "most"), [("phalanx_agent.main", 15_345), ("phalanx.launcher.simulation", 22_325)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

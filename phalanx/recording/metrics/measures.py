@@ -95,7 +95,7 @@ def metrics_of_agents(
     """
     t, x, parts = recording.times, recording.x, swarm.safe_set.parts
     end = float(t[-1]) if len(t) else 0.0
-    p = _positions(recording, swarm)
+    p = swarm.positions(x.reshape(len(t), swarm.safe_set.parts[-1].stop))
     deadlocks, watched = deadlocks_of(recording, swarm, limits), swarm.normal if len(t) else ()
     states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
     steps = steps_by_agent(recording).values()
@@ -125,12 +125,6 @@ def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL
     return watch.deadlocks
 
 
-def _positions(recording: Recording, swarm: Swarm) -> Array:
-    """Return the output points of all agents at all states, shape (s, N, d) [m]."""
-    shape = len(recording.states), len(swarm.names), swarm.groups[0].axes
-    return np.array([swarm.positions(state) for state in recording.x]).reshape(shape)
-
-
 def _task(
     swarm: Swarm, i: int, t: Array, states: Sequence[Mapping[int, Array]], p: Array,
     limits: Thresholds,
@@ -142,8 +136,7 @@ def _task(
     if not swarm.has_goal(i) or not len(t):
         return {}
     goal = swarm.goal(i)
-    desired = [goal(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
-    error = length(p - np.array(desired))
+    error = length(p - goal.positions(t, states))
     metrics: dict[str, Value] = {
         "tracking_error_mean": mean_over_time(t, error),
         "tracking_error_final": float(error[-1]),

@@ -40,6 +40,14 @@ class Formation:
         """The desired position of the agent in a slot at time t [s]."""
         return self._at(t, self._slot_polynomials[slot])
 
+    def positions(self, slot: int, t: Array) -> Array:
+        """Return a slot's places at s times [s], shape (s, d) [m]; the bits are those of goal."""
+        s, polynomial = np.minimum(t / self.finish, 1.0)[:, None], self._slot_polynomials[slot]
+        values = polynomial[-1, : len(self.path[0])] + np.zeros_like(s)
+        for coefficients in polynomial[-2::-1, : len(self.path[0])]:
+            values = values * s + coefficients
+        return values
+
     def _at(self, t: float, polynomial: Array) -> Goal:
         s = min(t / self.finish, 1.0)
         values = polynomial[-1]

@@ -84,6 +84,8 @@ class Claims:
 
     def misled(self, receiver: int, sender: int, t_apply: float) -> bool:
         """Return whether a false broadcast to a receiver had an input from t_apply [s] on."""
+        if not self._misleading:
+            return False
         times = {round(t_apply + off, 9) for off in (-1e-9, 0.0, 1e-9)}
         return any((receiver, sender, t) in self._misleading for t in times)
 

@@ -22,11 +22,13 @@ from phalanx_plant.world.events import (
 )
 from phalanx_plant.world.world import DivergedError
 
-_BATCH = 24
-"""Most instants judged in one call: that costs least for many at once."""
+BATCH = 24
+"""Most instants judged in one call while agents compute elsewhere, which then wait for it."""
+LARGE_BATCH = 128
+"""The same where nobody waits: one call for many instants costs least."""
 _LONGEST = 0.1
-"""While agents compute, all events are judged this often, however few there are, for viewers
-[s of wall time]."""
+"""With small batches all events are judged this often, however few there are, for viewers; with
+larger ones as much less often [s of wall time]."""
 
 
 class EventJudge(Protocol):
@@ -45,6 +47,7 @@ class EventQueue:
         await_telemetry: Callable[[int, int], Telemetry],
         observers: Sequence[Callable[[Sequence[Judged]], None]],
         idle: Callable[[float], None] = lambda now: None,
+        batch: int = BATCH,
     ) -> None:
         """Begin with no events.
 
@@ -53,14 +56,16 @@ class EventQueue:
             await_telemetry: waits for agent i's report on its sample k, and returns it.
             observers: receive the judged events of some instants, in this order.
             idle: called at a wall time [s], for work that can wait.
+            batch: most instants judged in one call.
         """
-        self._idle = idle
+        self._idle, self._batch = idle, batch
         self._judge, self._observers = judge, observers
         self._await_telemetry = await_telemetry
         self._instants: deque[Instant] = deque()
         self._cost = 1e-3
         """Estimated CPU time of judging one instant [s]."""
-        self._due = time.monotonic() + _LONGEST
+        self._longest = _LONGEST * batch / BATCH
+        self._due = time.monotonic() + self._longest
 
     def __len__(self) -> int:
         return len(self._instants)
@@ -80,7 +85,7 @@ class EventQueue:
         seconds: about how long it may take, as nothing interrupts it [s of CPU time].
         """
         affordable = max(1.0, seconds / max(self._cost, 1e-9))
-        count = int(min(affordable, _BATCH, len(self._instants)))
+        count = int(min(affordable, self._batch, len(self._instants)))
         began, judged, events = time.thread_time(), list[Judged](), list[Event]()
         failure: Exception | None = None
         for event in [event for _ in range(count) for event in self._instants.popleft()]:
@@ -108,9 +113,9 @@ class EventQueue:
         """Judge all but the last instants, which wait for more. Raises as judge_next does."""
         if time.monotonic() >= self._due:
             self.judge_all()
-            self._due = time.monotonic() + _LONGEST
+            self._due = time.monotonic() + self._longest
             return
-        while len(self._instants) > _BATCH:
+        while len(self._instants) > self._batch:
             self.judge_next()
             self.idle()
 

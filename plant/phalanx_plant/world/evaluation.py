@@ -24,7 +24,7 @@ from phalanx_plant.world.resolution import Resolution, Roundings
 from phalanx_plant.world.world import History, Segment
 
 _DIGITS = 60.0 * math.log(2.0)
-_STATES_AT_ONCE = 64
+_STATES_AT_ONCE = 128
 _SLACK = 0.25
 """Share by which the search goes farther than it must, so that its result lasts for a while."""
 _FEW = 40

@@ -17,7 +17,7 @@ import phalanx
 from phalanx.guarantee.verdict import Summary
 from phalanx.messages.kinds import Telemetry
 from phalanx.recording.read import read
-from phalanx.recording.records import Step
+from phalanx.recording.records import State, Step
 from phalanx.recording.write import RecordingError
 from tests.layers import layered
 from tests.unit.plant.reports import report
@@ -156,12 +156,13 @@ def test_an_event_waits_no_longer_than_the_limit_for_others(monkeypatch: pytest.
 def test_the_result_of_a_run_does_not_depend_on_the_batches(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    def result() -> tuple[Summary, list[Step]]:
-        loaded = phalanx.load(scenario, {"duration": 0.3})
+    def result() -> tuple[Summary, list[State], list[Step]]:
+        loaded = phalanx.load(scenario, {"duration": 0.6})
         run = phalanx.run(loaded, engine="in-process", out=tmp_path)
         assert run.folder is not None
-        steps = [replace(step, solve_time=0.0) for step in read(run.folder).steps]
-        return replace(run.summary, wall_time=0.0), steps
+        recording = read(run.folder)
+        steps = [replace(step, solve_time=0.0) for step in recording.steps]
+        return replace(run.summary, wall_time=0.0), recording.states, steps
 
     together = result()
     monkeypatch.setattr(event_queue, "_LONGEST", 0.0)

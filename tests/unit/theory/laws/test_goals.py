@@ -122,6 +122,14 @@ def test_slots_stand_evenly_on_the_circle_around_the_centre(share):
         assert spoke == pytest.approx([4 * np.cos(angle), 4 * np.sin(angle)], abs=1e-9)
 
 
+@pytest.mark.parametrize("formation", [PLANE, SPACE], ids=["2-D", "3-D"])
+def test_a_slots_places_at_many_times_have_the_bits_of_its_goal_at_each(formation: Formation):
+    times = np.concatenate([np.linspace(0.0, 1.2 * formation.finish, 200), [formation.finish]])
+    for slot in range(formation.slots):
+        goals = [formation.goal(slot, t).position for t in times.tolist()]
+        np.testing.assert_array_equal(formation.positions(slot, times), np.array(goals))
+
+
 def test_in_space_the_circle_is_level():
     spokes = [SPACE.goal(k, 1.0).position - SPACE.center(1.0).position for k in range(3)]
     assert [s[2] for s in spokes] == pytest.approx([0, 0, 0])
