@@ -73,6 +73,15 @@ def test_an_adverse_disturbance_pushes_along_the_gradient_of_the_last_psi_before
             assert pushed[part] == pytest.approx(push, rel=1e-10, abs=1e-14)
 
 
+def test_an_adverse_disturbance_goes_on_from_where_it_was_though_the_gradient_has_changed():
+    rows = rows_of_scenario("formation3d", "agents.1.disturbance.kind=adverse")
+    disturbance, x = SwarmDisturbance(rows), rows.swarm.start()
+    line = disturbance.line(0.0, x)
+    after = disturbance.line(line.end, x + np.linspace(0.0, 1.0, len(x)))
+    assert after.value == pytest.approx(line.at(line.end), abs=1e-12)
+    assert after.at(after.end) != pytest.approx(after.value, abs=1e-3)
+
+
 def test_the_swarms_disturbance_stacks_its_agents():
     rows = rows_of_scenario("unicycles", "agents.1.disturbance.every=0.13")
     swarm = rows.swarm

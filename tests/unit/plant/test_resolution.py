@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
+from phalanx_plant.world.evaluation import Evaluation
 from phalanx_plant.world.resolution import Resolution, Roundings
 from phalanx_plant.world.world import Segment, World
 
@@ -95,6 +97,26 @@ def test_steps_are_judged_together_as_each_is_alone(seed):
     assert (resolution.defects(segments) <= DEFECT).tolist() == [True, True, False, True]
 
 
+def test_a_bound_of_several_steps_holds_for_the_last_one_whose_push_has_grown():
+    swarm = swarm_of_scenario("unicycles")
+    way, resolution = segment(swarm, 0, 2.0), Resolution(swarm)
+    slope = np.tile([0.0, 0.0, 1e6], len(swarm.members))  # up to 3000 rad/s after 3 ms
+    grown = replace(way, phi=0.0 * slope, slope=slope)
+    before = (len(way.x) - 1) * way.dt
+    last = replace(grown, start=way.x[-2], x=way.x[-1:], phi=before * slope)
+    assert 0.0 < resolution.defect([last]) <= resolution.defect([grown])
+
+
+@pytest.mark.parametrize(("far", "resolved"), [(0.0, True), (1e10, False)])
+def test_states_of_too_few_digits_are_not_resolved(far, resolved):
+    rows = rows_of_scenario("one-on-one")
+    integration = World(rows).integration
+    integration.x = integration.x + far
+    way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
+    (steps,) = Evaluation(rows).of([[way]])
+    assert steps.resolved.tolist() == [resolved] * len(way.x)
+
+
 @pytest.mark.parametrize(("dt", "steps"), [(1e-3, 1), (7e-4, 2), (1e-6, 1000)])
 def test_every_step_rounds_a_state_however_short_it_is(dt, steps):
     """A million steps a second do so a thousand times as often as a thousand."""
@@ -125,12 +147,14 @@ class Bumpy(SingleIntegrator):
 
 
 @pytest.mark.parametrize(
-    ("kink", "y", "resolved"), [(False, 1.0, False), (True, 0.0, False), (True, 1.0, True)]
+    ("kink", "y", "resolved"),
+    [(False, 1.0, False), (True, 0.0, False), (True, -1e-4, False), (True, 1.0, True)],
 )
 def test_what_a_step_cannot_see_is_not_resolved(kink, y, resolved):
     dynamics = f"{{ type = '{__name__}:Bumpy', speed = 1.0, kink = {str(kink).lower()} }}"
     rows = rows_of_scenario("one-on-one", f"agents.0.dynamics={dynamics}")
     integration = World(rows).integration
     integration.x[:2] = 3e-7, y
+    integration.hold(0, np.array([0.0, 1.0]))  # from -1e-4 across the kink in the first step
     way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
     assert (Resolution(rows.swarm).defects([way]) <= DEFECT).tolist() == [resolved]

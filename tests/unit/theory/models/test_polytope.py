@@ -188,8 +188,9 @@ def test_a_needle_is_allowed_no_more_than_its_point_may_move():
     for angle in (1e-1, 1e-3, 1e-5):
         sin, cos = np.sin(angle / 2), np.cos(angle / 2)
         rows = np.array([[sin, cos], [sin, -cos], [-1.0, 0.0]])
-        allowance = polytope(rows, np.array([0.0, 0.0, 1.0])).allowance
-        assert 0.5 * ACTUATION * sin <= allowance <= ACTUATION * sin
+        needle = polytope(rows, np.array([0.0, 0.0, 1.0]))
+        assert 0.5 * ACTUATION * sin <= needle.allowance <= ACTUATION * sin
+        assert [needle.takes((off * ACTUATION, 0.0)) for off in (-1e5, 0.4, 1.1)] == [1, 1, 0]
 
 
 def test_a_polytope_of_numbers_is_found_once_and_is_read_only():
