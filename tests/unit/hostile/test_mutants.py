@@ -1,42 +1,16 @@
-"""The safeguards that are broken on purpose: each is still where it is looked for."""
+"""Bugs that are kept by hand, and mutants that no test can notice, fit the code as it is."""
 
-import ast
-
-import pytest
-
-from tests.hostile.drawn_mutants import drawn, equivalents
-from tests.hostile.mutants import MUTANTS, ROOT, Mutant, broken
-from tests.hostile.rooms import ROOMS
+from tests.hostile.drawn_mutants import equivalents
+from tests.hostile.mutants import MUTANTS, ROOT, broken
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.what)
-def test_every_breakage_still_applies(mutant: Mutant):
-    ast.parse(broken(mutant))
-    assert (ROOT / mutant.tests.split()[0]).exists()
+def test_each_bug_by_hand_can_be_put_in_and_its_tests_are_there():
+    for mutant in MUTANTS:
+        assert broken(mutant)
+        assert all((ROOT / path).exists() for path in mutant.tests.split(" -k ")[0].split())
 
 
-def test_no_two_breakages_are_called_the_same():
-    assert len({mutant.what for mutant in MUTANTS}) == len(MUTANTS)
-
-
-def test_every_equivalent_mutant_is_of_a_line_that_exists():
-    for mutant in equivalents():
-        lines = [line.strip() for line in (ROOT / mutant["file"]).read_text("utf-8").splitlines()]
-        assert set(mutant["line"].split("\n")) <= set(lines), mutant
-        assert mutant["becomes"] != mutant["line"], mutant
-        assert mutant["why"], mutant
-
-
-@pytest.mark.parametrize("name", ROOMS)
-def test_a_room_has_files_that_can_be_changed_and_tests(name: str):
-    for pattern in ROOMS[name].sources:
-        assert list(ROOT.glob(pattern)), pattern
-    assert all((ROOT / path).exists() for path in ROOMS[name].tests.split())
-
-
-def test_a_drawn_change_is_the_same_each_time_and_can_be_compiled():
-    changes, again = (drawn("inbox", ROOMS["inbox"], 5) for _ in range(2))
-    assert changes == again
-    for change in changes:
-        assert change.text() != (ROOT / change.file).read_text("utf-8")
-        ast.parse(change.text())
+def test_each_line_whose_mutant_is_excused_stands_in_its_file():
+    for entry in equivalents():
+        lines = (ROOT / entry["file"]).read_text("utf-8").splitlines()
+        assert entry["line"] in [line.strip() for line in lines]
