@@ -10,6 +10,7 @@ from typer.main import get_command
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, core, extended, status
+from phalanx.cli.jobs import Job
 from phalanx.launcher import libraries
 
 
@@ -51,14 +52,14 @@ def test_no_word_of_a_help_text_is_taken_for_markup(name):
         assert Text.from_markup(text or "").plain == (text or "")
 
 
-def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names():
-    ours = list(get_command(core()).commands)
-    assert [name for name in TOP if name in ours] == ours
-    assert [name for name in TOP if name not in ours] == [
-        "explain", "report", "animate",
-        "study", "view", "export", "viewer",
-        "attack", "certify", "keys", "router", "ros2", "shrink", "replay", "fit",
-    ]  # fmt: skip
+def test_commands_stand_by_job_and_of_each_the_core_first():
+    ours = get_command(core()).commands
+    names = [name for name in TOP if name != "fit"]  # a group of commands stands last
+    places = [([*Job].index(TOP[name].rich_help_panel), name not in ours) for name in names]
+    assert places == sorted(places)
+    assert [job for job in Job if job not in {TOP[name].rich_help_panel for name in names}] == [
+        Job.PACKAGES
+    ]
 
 
 _LIMIT = 2**46
