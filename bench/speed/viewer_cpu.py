@@ -77,13 +77,14 @@ class Carousel:
         self.summary: Summary | None = None
         self.over, self.unfinished = False, ""
         self.log, self.violations = self.history.log, list[Violation]()
+        self.marks = self.history.marks
         self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)
         self._frames = 0
 
     def recent_paths(self, t: float) -> NDArray[np.float64]:
         """Return the positions on the way to the present."""
-        return self.history.recent_path
+        return self.history.recent_path(t)
 
     def take(self) -> Frame:
         """Return the next frame."""

@@ -138,7 +138,7 @@ BUDGET: Mapping[str, int] = {
     "swarm": 2375,
     "testing": 910,
     "theory": 9275,
-    "viewer": 5075,
+    "viewer": 5130,
     "wire": 600,
 }
 EXTENSIONS = {

@@ -110,3 +110,25 @@ def test_every_letter_is_there_before_a_text_needs_it(server: SceneServer) -> No
         for scale in (1e-9, 1.0, 1e9):
             text = f"{model.label(pair)}: {model.pair_text(pair, scale * x, p)}"
             assert set(text) - {" "} <= letters, text
+
+
+def test_a_name_without_room_next_to_its_agent_is_farther_away_at_the_end_of_a_line(
+    server: SceneServer,
+) -> None:
+    model = scene_model(load("unicycles"))
+    scene = Scene(server, model, lambda _: None)
+    picture = start_of(model)
+    spread = np.arange(5.0)[:, None] * [0.1, 0.0, 0.0]
+    picture.positions = picture.positions.mean(axis=0) + spread
+    scene.show(picture, None)
+    labels = [server.scene.get_handle_by_name(f"/labels/{k}") for k in range(6)]
+    at = {label.text: np.array(label.position) for label in labels if label.visible}
+    assert set(model.names) < set(at), "none is left out"
+    ends = server.scene.get_handle_by_name("/leader").points[:, 1]
+    led = [n for n in model.names if np.linalg.norm(ends - at[n], axis=1).min() < 1e-3]
+    assert len(led) >= 2
+    p = dict(zip(model.names, picture.positions, strict=True))
+    away = {name: float(np.linalg.norm(at[name] - p[name])) for name in model.names}
+    next_to = [away[name] for name in model.names if name not in led]
+    assert next_to
+    assert min(away[name] for name in led) > max(next_to)

@@ -59,6 +59,28 @@ def test_the_legend_gets_a_mark_with_the_first_frame_that_has_it_and_keeps_it() 
     assert marks == [set(), lost, later, later]
 
 
+def test_frames_to_look_back_at_are_the_last_ones_not_after_a_time() -> None:
+    past = LiveHistory(MODEL)
+    frames = [frame(0.1 * k) for k in range(5)]
+    for of_run in frames:
+        past.add(of_run)
+    assert past.frame_at(0.25) is frames[2]
+    assert past.frame_at(0.25, 1) is frames[3]
+    assert past.frame_at(-1.0) is past.frame_at(0.0, -1) is frames[0]
+    assert past.frame_at(0.4) is past.frame_at(9.0) is past.frame_at(0.35, 1 + 1) is None
+    assert past.frame_at(np.inf, -1) is frames[3]
+    assert len(past.recent_path(0.25)) == 2, "points 0.2 s from one another"
+
+
+def test_a_long_past_to_look_back_at_is_thinned_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_history, "_MOST_FRAMES", 8)
+    past = LiveHistory(MODEL)
+    for k in range(21):
+        past.add(frame(float(k)))
+    shown = [past.frame_at(t + 0.5) for t in range(20)]
+    assert sorted({of_run.t for of_run in shown if of_run}) == [0.0, 4.0, 8.0, 12.0, 16.0, 20.0][:5]
+
+
 def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others():
     past = LiveHistory(MODEL)
     received = [[("1-2", 0.5), ("1-3", 0.1)], [("1-2", 0.7)], []]

@@ -88,8 +88,8 @@ class Live(AbstractContextManager["Live"]):
         return "the plant left without a verdict" if self.over and not self.summary else ""
 
     def recent_paths(self, t: float) -> Array:
-        """Positions up to the last frame, shape (s, N, 3), the oldest first."""
-        return self.history.recent_path
+        """Positions up to t [s], shape (s, N, 3), the oldest first."""
+        return self.history.recent_path(t)
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
         """Send the plant a command, which it rejects without the command secret."""

@@ -1,6 +1,6 @@
 """The past of a live run, gathered frame by frame."""
 
-from collections import deque
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import chain
 
@@ -33,6 +33,8 @@ SPACING = 0.2
 _MOST_POINTS, _MOST_OF_ALL_AGENTS = 60, 3000
 _FIRST_CAPACITY, _MOST_ROWS = 256, 4096
 """Rows of a series: a plot has no more than 400 points."""
+_MOST_FRAMES, _MOST_STATUSES = 2000, 40_000
+"""Frames to look back at, and statuses of agents in them together."""
 _PAIR_STATES = 200
 """Most states of a run at which h of every pair is computed."""
 
@@ -86,8 +88,11 @@ class LiveHistory(History):
         self._model = model
         self._totals = _TimeSeries([1, 1, 1, -1, *(1 for _ in model.values.psi_levels)])
         self._worst = np.inf
-        self._path: deque[Array] = deque(maxlen=path_points(n))
+        self._path = _TimeSeries([1, *np.zeros(3 * n, dtype=int)])
         self._path_due = -np.inf
+        self._frames: list[Frame] = []
+        self._added, self._every = 0, 1
+        self._most_frames = 2 * (min(_MOST_FRAMES, _MOST_STATUSES // n) // 2)
         self._scalars = series_width(0) - 1
         """Numbers of AgentSeries that each agent has after t, before its inputs."""
         plotted = [1, *(-1 if q.safe[0] is not None else 1 for q in QUANTITIES.values())]
@@ -117,6 +122,12 @@ class LiveHistory(History):
 
     def add(self, frame: Frame) -> None:
         """Append a frame."""
+        if self._added % self._every == 0:  # of too many, every other one goes
+            if len(self._frames) == self._most_frames:
+                del self._frames[1::2]
+                self._every *= 2
+            self._frames.append(frame)
+        self._added += 1
         x = np.frombuffer(frame.x, dtype="<f8")
         positions = self._model.kinematics.poses(x).positions
         distance = smallest_distance(self._model.swarm, positions)
@@ -127,7 +138,7 @@ class LiveHistory(History):
         self._totals.append([frame.t, frame.h_tot, h, distance, *psi])
         if frame.t >= self._path_due:
             self._path_due = frame.t + SPACING
-            self._path.append(positions)
+            self._path.append([frame.t, *positions.ravel()])
         if frame.t >= self._pairs_due:
             self._pairs_due = frame.t + self._pairs_spacing
             every_h = self._model.values.every_h(x, frame.turned)
@@ -170,10 +181,18 @@ class LiveHistory(History):
                 self._condition[i] = status.condition
                 self.conditions.append(ConditionChange(frame.t, i, status.condition))
 
-    @property
-    def recent_path(self) -> Array:
-        """Positions of the last seconds, shape (s, N, 3), the oldest first."""
-        return np.array(self._path)
+    def frame_at(self, t: float, step: int = 0) -> Frame | None:
+        """The last frame not after t [s], or so many frames later; None: the present."""
+        k = bisect_right(self._frames, t, key=lambda frame: frame.t) - 1 + step
+        if k >= len(self._frames) or (step == 0 and t >= self.totals[-1, 0]):
+            return None
+        return self._frames[max(k, 0)]
+
+    def recent_path(self, t: float) -> Array:
+        """Positions of the last seconds until t [s], shape (s, N, 3), the oldest first."""
+        rows, n = self._path.rows, len(self._links_to)
+        end = int(np.searchsorted(rows[:, 0], t, side="right"))
+        return rows[max(end - path_points(n), 0) : end, 1:].reshape(-1, n, 3)
 
     @property
     def totals(self) -> Array:

@@ -8,6 +8,7 @@ import time
 from functools import partial
 
 import msgspec
+import numpy as np
 import viser
 
 from phalanx.messages.frames import Frame
@@ -98,6 +99,8 @@ class Visitor:
                 self._commands.folder.remove()
                 self._commands = None
         self._feed, self._plots_due = feed, 0.0
+        self.past: Frame | None = None
+        """The frame of a live run that the visitor looks back at."""
         self._plotted: object = None
         self.stale = True
         """True until the page shows the last frame and choice."""
@@ -119,14 +122,26 @@ class Visitor:
             self._commands.show_selected(self._model.names[i])
         self.stale, self._plots_due = True, 0.0
 
+    def look_back(self, live: Live, action: "Action") -> None:
+        """Show a frame of a live run's past, or the present again."""
+        t = action.seek if action.seek is not None else self.past.t if self.past else np.inf
+        if action.seek is not None or action.step:
+            self.past = live.history.frame_at(t, action.step or 0)
+            self.stale, self._paths_due = True, 0.0
+
     def tick(self) -> bool:
         """Send the plots if there is more to plot; return whether there may be more to show."""
         self._plot()
         self.scene.camera.request_shape()
         return self.stale or self.scene.stale
 
-    def show(self, frame: Frame, picture: Picture) -> None:
-        """Send all that shows a frame in one message, so that the page shows one instant."""
+    def show(self, newest: Frame, picture: Picture) -> None:
+        """Send all that shows a frame in one message, so that the page shows one instant.
+
+        Of a live run that can be one of its past, of which `picture` is not.
+        """
+        frame = self.past or newest
+        picture = Picture(self._model, frame) if self.past else picture
         if paths_due := (now := time.monotonic()) >= self._paths_due:
             # Before anything is shown: a selection made meanwhile shows at the next tick. And only
             # with the paths: a page that was fresh without them would never get its last ones.
@@ -136,12 +151,14 @@ class Visitor:
             self.scene.show(
                 picture, self.selected, radio.at(self.selected, frame.t) if radio else ()
             )
-            self._panels.show(frame, self.selected, self._feed)
+            self._panels.show(frame, self.selected, self._feed, past=self.past is not None)
             values = values_at(self._feed, frame, self.selected, self._pair)
-            clock = {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}
+            live = not isinstance(self._feed, Replay)
+            playing = self.past is None if live else not frame.paused
+            clock = {"t": frame.t, "playing": playing, "speed": frame.speed, "now": newest.t}
             self._call("at", clock | {"values": values})
             if self._commands:
-                self._commands.show(frame)
+                self._commands.show(newest)
             if paths_due:
                 self.scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
 
@@ -212,8 +229,10 @@ class Page:
         self.server.admit()
 
     def replay(self, replay: Replay) -> None:
-        """Continue with the recording of the run that was shown live, at its end."""
-        replay.seek(replay.end)
+        """Continue with the recording of the run that was shown live, at its end.
+
+        Its only visitor may go on looking back at a time.
+        """
         self.server.run(lambda: self._show_instead(replay))
 
     def tick(self) -> None:
@@ -242,6 +261,8 @@ class Page:
         self.visitors = {k: v for k, v in self.visitors.items() if v.client is not client}
 
     def _show_instead(self, replay: Replay) -> None:
+        past = [visitor.past.t for visitor in self.visitors.values() if visitor.past]
+        replay.seek(past[0] if len(past) == len(self.visitors) == 1 else replay.end)
         self._feed, self._frame = replay, None
         self._begin_with(replay)
         for visitor in self.visitors.values():
@@ -278,6 +299,8 @@ class Page:
             visitor.select(names.index(action.agent))
         replay = self._feed
         if not isinstance(replay, Replay):
+            if visitor:
+                visitor.look_back(replay, action)
             return
         if action.seek is not None:
             replay.seek(action.seek)

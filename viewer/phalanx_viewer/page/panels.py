@@ -47,10 +47,10 @@ class Panels:
     def show_selected(self, i: int) -> None:
         self._selected.value = self._model.names[i]  # type: ignore[misc]
 
-    def show(self, frame: Frame, selected: int, feed: Feed) -> None:
-        """Show a frame's status, its selected agent and its log."""
+    def show(self, frame: Frame, selected: int, feed: Feed, past: bool) -> None:
+        """Show a frame's status, its selected agent and its log; past: of a run that goes on."""
         self._worst_pair = frame.pair
-        self._status.show(_status(frame, self._model.scenario.duration, feed.over))
+        self._status.show(_status(frame, self._model.scenario.duration, feed.over, past))
         self._verdict.show(verdict_text(frame, feed.summary, feed.unfinished))
         self._agent.show(_text(agent_text(frame.agents[selected])))
         self._log.show(_log(frame.log[-_LOG_LINES:]))
@@ -78,8 +78,14 @@ def _log(lines: Sequence[LogLine]) -> Markup:
     return _list(items) or _text("Nothing yet.")
 
 
-def _status(frame: Frame, duration: float, over: bool) -> Markup:
-    pace = "paused" if frame.paused else f"{frame.real_time_factor:.2f} × real time"
+def _status(frame: Frame, duration: float, over: bool, past: bool) -> Markup:
+    pace = (
+        "looking back"
+        if past
+        else "paused"
+        if frame.paused
+        else f"{frame.real_time_factor:.2f} × real time"
+    )
     empty = _empty_sets(
         sum(status.backups for status in frame.agents),
         sum(status.without_authority for status in frame.agents),

@@ -98,7 +98,6 @@ function drawPlots(all) {
     drawn.forEach(plot => plot.nodes.forEach(node => node.remove()));
     drawn = shown.map((_, index) => plotOf(index));
   }
-  panel.classList.toggle("phx-seekable", content.seekable);
   for (const plot of drawn) {
     plot.title.ariaExpanded = !(plot.canvas.hidden = folded.has(shown[plot.index].title));
     if (all || plot.width !== plot.canvas.clientWidth) drawLayer(plot);
@@ -223,10 +222,8 @@ function drawCursor(plot) {
   p.clearRect(0, 0, width, height);
   p.drawImage(layer, 0, 0, width, height);
   const x = clamp(X(clock.t), LEFT, width - RIGHT);
-  if (isSeekable()) {
-    p.fillStyle = colour("veil");
-    p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
-  }
+  p.fillStyle = colour("veil");
+  p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
   line(p, [[x, TOP], [x, height - BOTTOM]], colour("ink"), 1);
 }
 

@@ -6,12 +6,12 @@ const INK = { log: "#94a3b8", fault: "#475569", backup: "#f97316", worst: "#16a3
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
 
 const track = element("canvas"), time = element("output");
-const button = (text, title, onclick, only = " phx-seek") => element("button", {
-  textContent: text, title, className: "phx-button" + only,
+const button = (text, title, onclick) => element("button", {
+  textContent: text, title,
   onclick() { onclick(); this.blur(); },  // else the space bar would press it again
 });
-const play = button("▶", "Play or pause (space)", () => togglePlay());
-const speed = element("select", { title: "Speed", className: "phx-seek",
+const play = button("▶", "Play or pause; back to a live run's present (space)", () => togglePlay());
+const speed = element("select", { title: "Speed",
   onchange() { phalanx.act({ speed: Number(this.value) }); this.blur(); } },
   ...SPEEDS.map(s => new Option(s + " ×", s)));
 const linkButton = button("link", "An address that opens this moment, with the agent chosen", () => {
@@ -21,8 +21,8 @@ const linkButton = button("link", "An address that opens this moment, with the a
   const address = location.href.replace(location.search, "");
   if (navigator.clipboard) navigator.clipboard.writeText(address).catch(() => {});
   say(`This moment: ${address}`);
-}, "");
-const plotsButton = button("plots", "Show or fold the plots", foldPlots, "");
+});
+const plotsButton = button("plots", "Show or fold the plots", foldPlots);
 const firstViolation = () => content.marks.filter(mark => mark.kind === "violation")
   .reduce((first, mark) => !first || mark.t < first.t ? mark : first, null);
 // The first recorded state with the violation lies after it.
@@ -53,6 +53,7 @@ addEventListener("resize", () => redraw(true));
 
 function togglePlay() {
   if (isSeekable()) phalanx.act({ play: !clock.playing });
+  else seek(clock.playing ? clock.t : content.end);
 }
 
 function seekWorst() {
@@ -68,7 +69,6 @@ function say(text) {
   clearTimeout(noted);
   noted = setTimeout(() => { note.hidden = true; }, 8000);
 }
-const noteLive = () => say("A run that goes on cannot be moved in time. Its replay can.");
 
 // Go to the time and agent that the address names, such as "#t=12.3&agent=2".
 function openAddress(hash) {
@@ -100,12 +100,12 @@ track.addEventListener("pointermove", event => {
 
 redraws.push(() => {
   const [p, width, height] = pen(track), base = height - 20;
-  for (const node of bar.querySelectorAll(".phx-seek")) {
-    node.classList.toggle("phx-seekable", content.seekable);
-  }
-  bar.classList.toggle("phx-seekable", content.seekable);
+  speed.hidden = !content.seekable;
   violationButton.hidden = !firstViolation();
-  play.textContent = clock.playing ? "⏸" : "▶";
+  const behind = !content.seekable && !clock.playing;
+  play.className = behind ? "phx-behind" : "";
+  play.textContent = behind ? `▶ live, ${clock.now.toFixed(1)} s` :
+    !content.seekable ? "● live" : clock.playing ? "⏸" : "▶";
   if (document.activeElement !== speed) speed.value = clock.speed;
   time.textContent = clock.t.toFixed(3) + " s";
   p.fillStyle = colour("line");
@@ -141,7 +141,7 @@ const KEYS = {
   ",": () => phalanx.act({ step: -1 }),
   ".": () => phalanx.act({ step: 1 }),
   End: () => seek(content.end),
-  z: () => toggleZoom(),
+  z: () => isSeekable() ? toggleZoom() : seekWorst(),
 };
 addEventListener("keydown", event => {
   const act = KEYS[event.key], at = event.target;
@@ -150,8 +150,7 @@ addEventListener("keydown", event => {
   if (!isSeekable() && at.tagName === "BUTTON") return;  // the space bar presses it
   event.preventDefault();
   event.stopImmediatePropagation();
-  if (isSeekable()) act(event);
-  else noteLive();
+  act(event);
 }, { capture: true });
 
 // A list of viser's takes an option that arrow keys have reached, and none that was typed.

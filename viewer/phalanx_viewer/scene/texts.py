@@ -9,7 +9,7 @@ import viser
 from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
-from phalanx_viewer.scene.colours import WORST_PAIR
+from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import single, update
 from phalanx_viewer.scene.picture import Picture
@@ -28,6 +28,8 @@ _PAIR = -1
 LETTER, _LINE, _LEGEND = 0.013, 0.032, -0.35
 """Width of a letter, height of a line, and of the legend's edge over the picture's middle, in the
 shorter side of a usual picture."""
+_FAR = 8
+"""Positions of a name that a line leads to, where there is no room next to its agent."""
 _LINES = 3
 """Most pairs that the banner names; all are in the event log."""
 
@@ -70,7 +72,8 @@ class LabelNodes:
     """Texts by importance: unsafe agents, the chosen one, the worst pair, the others.
 
     Names of the first two are placed wherever there is room around their agents, others above or
-    below. A line leads from the worst pair to its text.
+    below; where there is none, farther away, and a line leads there. One also leads from the worst
+    pair to its text.
     """
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
@@ -83,7 +86,7 @@ class LabelNodes:
         pairs = range(len(model.swarm.safe_set.pairs))
         letters = set("0123456789.:,-+=ehm").union(*map(model.label, pairs))
         scene.add_label("/labels/letters", "".join(sorted(letters)), visible=False)
-        self._leader = lines(scene, "/leader", WORST_PAIR, 1.0)
+        self._leader = lines(scene, "/leader", np.tile(WORST_PAIR, (1, 2, 1)), 1.0)
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Show the texts that there is room for; sizes of the bodies [m], shape (N,)."""
@@ -95,11 +98,17 @@ class LabelNodes:
             node.position = tuple(candidates[k][choice])
         for node in self._nodes[len(choices) :]:
             node.visible = False
-        pair = agents.index(_PAIR)
-        chosen = dict(choices).get(pair)
-        self._leader.visible = chosen is not None
-        ends = np.mean(picture.worst_pair, axis=0), candidates[pair][chosen or 0]
-        self._leader.points = single(np.array([ends]))
+        ends, colours = [], []
+        for k, choice in choices:
+            of_pair, begin = agents[k] == _PAIR, picture.positions[max(agents[k], 0)]
+            if of_pair or choice >= len(candidates[k]) - _FAR:
+                begin = np.mean(picture.worst_pair, axis=0) if of_pair else begin
+                ends.append([begin, candidates[k][choice]])
+                colours.append([WORST_PAIR if of_pair else OBSTACLE] * 2)
+        self._leader.visible = bool(ends)
+        if ends:
+            points, of_ends = single(np.array(ends)), np.array(colours, dtype=np.uint8)
+            update(self._leader, points=points, colors=of_ends)
 
     def _candidates(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
@@ -116,21 +125,22 @@ class LabelNodes:
         letters = len(picture.worst_pair_text)
         at_pair = text_places(*picture.worst_pair, letters, clear_of, view)
         around = [
-            at_pair if i == _PAIR else self._around(picture, i, sizes[i], view) for i in agents
+            at_pair if i == _PAIR else self._around(picture, i, sizes[i], view, i in first)
+            for i in agents
         ]
-        counts = [8 if i in first else 2 for i in agents]
-        return agents, texts, [at[:count] for at, count in zip(around, counts, strict=True)]
+        return agents, texts, around
 
-    def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
-        """Positions for an agent's name: above it and seven others around it, shape (8, 3)."""
+    def _around(self, picture: Picture, i: int, size: float, view: View, first: bool) -> Array:
+        """Positions for an agent's name: next to it, the last _FAR farther away, shape (c, 3)."""
         at, (right, up, _) = picture.positions[i], view.axes
         letter = view.enlargement * float(view.spans(at[None])[0])
-        high = (1.1 * size + 0.5 * _LINE * letter) * up
-        wide = (1.1 * size + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
-        sides = [high, -high, wide, -wide]
-        corners = [high + wide, high - wide, wide - high, -high - wide]
-        middles: Array = at + np.array([*sides, *corners])
-        return middles
+        middles = []
+        for clear in (1.1 * size, 3.3 * size):
+            high = (clear + 0.5 * _LINE * letter) * up
+            wide = (clear + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
+            middles += [at + high, at - high, at + wide, at - wide]
+            middles += [at + high + wide, at + high - wide, at + wide - high, at - high - wide]
+        return np.array(middles if first else middles[:2] + middles[_FAR:])
 
 
 def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
