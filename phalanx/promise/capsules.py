@@ -51,6 +51,16 @@ class Statics:
         centers = np.array([o.center for o in spheres.values()])
         self._spheres = balls(centers, np.array([o.clearance for o in spheres.values()]))
 
+    def far(self, p: Array, reach: float) -> bool:
+        """Return whether all are farther from a point than a way [m]: mostly that is enough."""
+        reach += ROUNDING
+        if self._numbers:
+            gaps = length(self._spheres.begin - p) - self._spheres.radius
+            if not (gaps > reach).all():
+                return False
+        solids, points = self._solids.values(), p[None]
+        return all(float(o.distances(points)[0]) - o.clearance > reach for o in solids)
+
     def gaps(self, capsules: Capsules) -> Array:
         """Return by how much capsules keep more than each clearance at least; (m,) [m].
 

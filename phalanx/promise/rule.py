@@ -62,7 +62,7 @@ class Commitment:
             obstacles: of the fallback *exit* spheres alone.
             velocity: w of *exit*, shape (axes,) [m/s]; None for *hold*.
         """
-        self.fallback, self._radius, self._obstacles = fallback, radius, Statics(obstacles)
+        self.fallback, self._radius, self.obstacles = fallback, radius, Statics(obstacles)
         self._velocity = velocity
         self.reference = None
         self._next: Reference | None = None
@@ -97,7 +97,7 @@ class Commitment:
         else:
             gaps, way = tube.gaps(members), tube
         peers_gaps = tube.gaps(peers)
-        return Room(peers_gaps - self._radius, gaps - self._radius, self._obstacles.gaps(way))
+        return Room(peers_gaps - self._radius, gaps - self._radius, self.obstacles.gaps(way))
 
     def follow(self, accepted: bool) -> None:
         """Go on with the input that was accepted, or with the fallback of the last sample."""

@@ -86,14 +86,20 @@ class Keeper:
         tube, places = self.tube(x, u), self._swarm.positions(x)
         p = places[self._i]
         ends = np.maximum(length(tube.begin - p), length(tube.end - p)) + tube.radius
+        reach = float(np.maximum.reduce(ends))
         away = length(places - p) - self._far
-        near = np.flatnonzero(~(away > self.radius + ends.max() + ROUNDING)).tolist()
-        return self.room(x, tuple([l for l in near if l in seen]), u).least >= 0.0
+        close = np.flatnonzero(~(away > self.radius + reach + ROUNDING)).tolist()
+        near = tuple([l for l in close if l in seen])
+        if not near and self._velocity is None and self.commitment.obstacles.far(p, reach):
+            return True
+        return self.room(x, near, u).least >= 0.0
 
     def _farthest(self, l: int) -> float:
         """Bound on how far from member l's output point W and A reach [m]."""
         swarm, x = self._swarm, self._swarm.start()
-        bounded = isinstance(swarm.members[l].dynamics, MovedByVelocity) and l != self._i
+        if l == self._i:
+            return -np.inf
+        bounded = isinstance(swarm.members[l].dynamics, MovedByVelocity)
         chases = self._velocity is not None and l not in self.peers
         if not bounded or chases or not self._fallbacks[self._i].motion.jumps:
             return np.inf

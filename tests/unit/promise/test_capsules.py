@@ -81,6 +81,17 @@ def test_obstacles_have_their_gaps_in_their_order():
     assert alone[1] == pytest.approx(2.0 - 0.5 - 0.1 - ROUNDING)
 
 
+@pytest.mark.parametrize("number", range(len(OBSTACLES)))
+def test_obstacles_are_far_from_a_point_where_its_ball_is_clear_of_each(number):
+    p, others = np.array([9.0, 9.0]), [Sphere((-90.0, 0.0), 1.0), Wall((-1.0, 0.0), 90.0)]
+    obstacles = [*others, OBSTACLES[number]]
+    gap = OBSTACLES[number].distances(p[None])[0] - OBSTACLES[number].clearance
+    assert Statics(obstacles).far(p, abs(gap) - 1e-3) is bool(gap > 0.0)
+    assert not Statics(obstacles).far(p, gap + 1e-3)
+    assert Statics(others).far(p, gap + 1e-3)
+    assert Statics([]).far(p, 1e6)
+
+
 def test_no_capsule_is_infinitely_far():
     nothing = joined([], 2)
     some = balls(np.zeros((1, 2)), np.ones(1))

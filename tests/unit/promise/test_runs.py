@@ -195,9 +195,11 @@ def test_the_rule_decides_the_same_where_far_members_are_left_out():
     swarm = build_swarm(scenario())
     keeper, members, rng = Keeper(swarm, 0), (0, 1, 2), np.random.default_rng(0)
     decided = set()
-    for _ in range(200):
+    for n in range(200):
         x, u = swarm.start(), rng.uniform(-1.0, 1.0, 2)
-        x[2:6] = rng.uniform(-1.6, 1.6, 4)
+        x[:4] = rng.uniform(-1.6, 1.6, 4)
+        if n % 2:  # near the obstacle alone
+            x[:4] = [rng.uniform(-1.0, 1.0), rng.uniform(-2.0, -1.5), 9.0, 9.0]
         whole = keeper.room(x, members, u).least >= 0.0
         assert keeper(0.0, x, members, u).accepted is whole
         keeper.restart()
