@@ -142,7 +142,8 @@ class Motions(NamedTuple):
 
     def of(self, indices: Sequence[int] | Index) -> "Motions":
         """Return some of them, in this order."""
-        return Motions(*(column[np.asarray(indices, dtype=np.intp)] for column in self))
+        rows = np.asarray(indices, dtype=np.intp)
+        return Motions(*(column[rows] for column in self))
 
 
 def stacked(motions: Sequence[Motion]) -> Motions:

@@ -223,10 +223,9 @@ class Shares:
         around = cones(then, boxes, motions, times)
         v = motion.on_the_way(z[:, axes:], u, motion.held(times))
         spans = times[:, 1:] - times[:, :-1]
-        most, back = (
-            spans * np.maximum(around.closing(path[:, :-1]), around.closing(path[:, 1:]))
-            for path in (v, -v)
-        )
+        ends = np.stack([v[:, :-1], v[:, 1:]])
+        first, last = around.closing(np.stack([ends, -ends], axis=1))
+        most, back = spans * np.maximum(first, last)
         columns = most, -back, np.maximum(back, 0.0)
         sums = [np.add.reduce(column, axis=1).tolist() for column in columns]
         speeds = _slowest(v[:, 0], v[:, -1]).tolist(), length(v).max(axis=1).tolist()

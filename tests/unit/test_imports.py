@@ -121,7 +121,7 @@ BUDGET: Mapping[str, int] = {
     "explain": 810,
     "faults": 1030,
     "guarantee": 2940,
-    "knowledge": 1580,
+    "knowledge": 1685,
     "launcher": 2320,
     "messages": 915,
     "native": 300,
@@ -327,7 +327,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_345), ("phalanx.launcher.simulation", 22_325)]
+    ("program", "most"), [("phalanx_agent.main", 15_450), ("phalanx.launcher.simulation", 22_430)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

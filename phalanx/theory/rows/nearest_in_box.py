@@ -11,6 +11,7 @@ nearest_in_box.c is the same in C, and runs where `phalanx compile` has built it
 import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class NearestInBox:
         return numbers[5].copy() if exists else None
 
 
-_Compiled = Callable[[int, ctypes.c_void_p, float, float], int]
+_Compiled = Callable[[int, Any, float, float], int]
 
 
 def _program(metric: Sequence[float]) -> Array:

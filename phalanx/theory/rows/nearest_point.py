@@ -294,7 +294,6 @@ class _Compiled:
         self, n: Sequence[float], G: Array, g: Array, size: float, hint: Rows | None
     ) -> NearestPoint | None:
         k, m = G.shape
-        # Names for them: a pointer does not keep its array.
         G, g = np.ascontiguousarray(G), np.ascontiguousarray(g)
         floats, rows = np.empty(m + m + k), np.empty(m + 2 * k, dtype=np.int32)
         floats[:m] = n

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from phalanx.knowledge.cones import cones, fixed, own_motion
+from phalanx.knowledge import spending
+from phalanx.knowledge.cones import cones, everywhere, fixed, joined, own_motion
 from phalanx.knowledge.held import held, moved
 from phalanx.knowledge.motion import PointMotion, stacked
 from phalanx.knowledge.sets import Boxes
@@ -16,6 +17,7 @@ from tests.unit.knowledge.adverse import (
     enclosed,
     path,
 )
+from tests.unit.theory.rows.native_pieces import library_of, needs_a_compiler
 
 AWAY = 1e-8
 FINE = 64
@@ -139,3 +141,34 @@ def test_boxes_that_may_contain_the_agent_leave_all_directions_open():
     cone = cones(own_motion(inside, motion), box, stacked([motion]), HoldPieces(motion, 4).times)
     v = rng.normal(size=axes)
     np.testing.assert_allclose(cone.closing(v), np.linalg.norm(v))
+
+
+@needs_a_compiler
+@pytest.mark.slow
+def test_own_parts_have_the_same_bits_in_c(tmp_path):
+    compiled = spending._Compiled(library_of(spending, tmp_path))
+    rng, tried = np.random.default_rng(8), 0
+    while tried < 100_000:
+        motion = draw_motion(rng)
+        axes, count = motion.axes, int(rng.integers(1, 9))
+        v = rng.normal(size=axes) * rng.choice([0.0, 1e-9, 1.0, 1e6])
+        inputs = motion.authority * rng.uniform(-1.0, 1.0, (int(rng.integers(1, 20)), axes))
+        inputs[rng.random(len(inputs)) < 0.2] = motion.drag * v  # of no change
+        states = draw_states(motion, count, rng).reshape(count, 2 * axes)
+        boxes = Boxes(states - rng.uniform(0.0, 1.0, states.shape), states)
+        hold = HoldPieces(motion, int(rng.integers(1, 6)))
+        own = own_motion(np.concatenate([3.0 * rng.normal(size=axes), v]), motion)
+        around = cones(own, boxes, stacked([motion] * count), hold.times)
+        around.cos[rng.random(around.cos.shape) < 0.02] = np.nan
+        program = hold._hold, v, inputs, joined([around, everywhere(2, len(hold.times) - 1, axes)])
+        np.testing.assert_array_equal(compiled(*program), spending.own_parts(*program))
+        tried += len(inputs) * (count + 2)
+
+
+@needs_a_compiler
+@pytest.mark.parametrize(
+    "change", [("last)", "first)"), ("> 0.0 ? rate", "< 0.0 ? rate"), ("along >=", "along <=")]
+)
+def test_c_that_computes_other_own_parts_is_refused_when_it_is_loaded(tmp_path, change):
+    with pytest.raises(ValueError, match="other bits"):
+        spending._Compiled(library_of(spending, tmp_path, change))
