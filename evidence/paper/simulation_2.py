@@ -30,7 +30,8 @@ def page(results: Results) -> str:
         "Verdicts of the paper's second simulation over several seeds, with and without its "
         "margin. `scenarios/formation3d.toml` and `formation3d-beta3.toml` run for 140 s each; "
         "`python evidence/paper/simulation_2.py --seeds 20` writes this page. Runs with `split` "
-        "are in `evidence/paper/compositions.md`.",
+        "are in `evidence/paper/compositions.md`; how far robots are from their goals is "
+        "[with the parameters](paper.md#robots-are-far-from-their-goals-in-simulation-2).",
         "",
         "![Simulation 2: paths, h_tot, and the inputs of a normal agent](images/formation3d.png)",
         "",
