@@ -20,6 +20,8 @@ from phalanx.recording.write import RecordingWriter
 from tests.unit.swarms import rows_of_scenario
 
 SOON = {"duration": 0.2, "network.loss": 0.3, "network.delay": 0.004}
+LATER = {**SOON, "duration": 1.0}
+"""So many instants that some are judged and written before the end."""
 
 
 def begin(**more: object) -> SteppedRun:
@@ -150,7 +152,7 @@ def pressing(call: Callable[..., Any]) -> Callable[..., Any]:
 def test_ctrl_c_in_a_step_ends_it_and_is_raised(
     call: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
-    run = phalanx.start(phalanx.load("unicycles", SOON), out=tmp_path)
+    run = phalanx.start(phalanx.load("unicycles", LATER), out=tmp_path)
     run.until(0.05)
     *path, name = call.split(".")
     of = functools.reduce(getattr, path, run._simulation)
@@ -179,7 +181,7 @@ def test_ctrl_c_of_a_whole_run_in_a_program_of_ones_own_tears_nothing(
 
     written = RecordingWriter.write
     monkeypatch.setattr(RecordingWriter, "write", write)
-    run = phalanx.run(phalanx.load("unicycles", SOON), engine="in-process")
+    run = phalanx.run(phalanx.load("unicycles", LATER), engine="in-process")
     assert run.verdict is Outcome.STOPPED
     assert phalanx.verify(run, engine="in-process")
 
@@ -239,7 +241,7 @@ def test_a_run_that_cannot_begin_leaves_its_recording_closed(monkeypatch: pytest
             closed.append(True)
             super().__exit__(*error)
 
-    def fails(*_: object) -> None:
+    def fails(*_: object, **__: object) -> None:
         raise OSError("no plant")
 
     monkeypatch.setattr(simulation, "RecordingWriter", Watched)
