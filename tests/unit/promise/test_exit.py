@@ -10,6 +10,7 @@ from phalanx.promise.capsules import Capsules, balls
 from phalanx.promise.exit import Chasers, swept
 from phalanx.promise.reach import Reach
 from phalanx.scenario.model import ScenarioError
+from phalanx.swarm.committed import committed_point
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
@@ -118,6 +119,27 @@ def test_double_integrators_with_drag_leave_too():
     assert summary.violations == []
     assert summary.promise.kept
     assert summary.promise.for_ever == 5
+
+
+def test_in_the_moving_frame_a_point_has_less_of_its_inputs_and_its_speed_less_w():
+    dynamics = {"type": "double-integrator", "acceleration": 4.0, "drag": 0.5, "dimension": 2}
+    swarm = build_swarm(
+        scenario(
+            safety__keep={"exit": [1.5, -2.0]},
+            safety__alpha=[2.0, 2.0],
+            agents__0__dynamics=dynamics,
+            agents__0__law={"type": "track", "gains": [1.0, 2.0]},
+            agents__0__start=[[0.0, -2.5, 0.0, 0.0], [0.0, 2.5, 0.0, 0.0]],
+            agents__1__dynamics=dynamics,
+            agents__1__law={"type": "chase", "gains": [1.0, 2.0]},
+            agents__1__start=[[-6.0, 0.0, 0.0, 0.0]],
+        )
+    )
+    point, x, u = committed_point(swarm, 0), np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.25, 0.5])
+    assert point.motion.acceleration == 4.0 - 0.5 * 2.0
+    assert point.of(x).tolist() == [1.0, 2.0, 3.0 - 1.5, 4.0 + 2.0]
+    assert point.input(x, u).tolist() == [0.25 - 0.75, 0.5 + 1.0]
+    assert point.applied(x, point.input(x, u)).tolist() == u.tolist()
 
 
 @pytest.mark.parametrize(
