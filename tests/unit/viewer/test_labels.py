@@ -16,6 +16,13 @@ def test_a_text_with_several_places_takes_the_first_that_is_free() -> None:
     assert place_texts([around] * 4, [1] * 4) == [(0, 0), (1, 1), (2, 2)]
 
 
+def test_a_text_covers_a_body_only_if_it_has_no_position_without() -> None:
+    near, far = [0.0, 0.0], [0.3, 0.0]
+    body = (0.01, 0.0, 0.02)
+    assert place_texts([np.array([near, far])], [1], [body]) == [(0, 1)]
+    assert place_texts([np.array([near])], [1], [body]) == [(0, 0)]
+
+
 def test_a_long_text_needs_more_room_to_its_sides_but_not_above() -> None:
     right, above = [[0.0, 0.0], [0.1, 0.0]], [[0.0, 0.0], [0.0, 0.1]]
     assert placed(right, [1, 1]) == [0, 1]

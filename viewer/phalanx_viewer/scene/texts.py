@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from html import escape
+from itertools import product
 
 import numpy as np
 import viser
@@ -92,7 +93,10 @@ class LabelNodes:
         """Show the texts that there is room for; sizes of the bodies [m], shape (N,)."""
         agents, texts, candidates = self._candidates(picture, selected, sizes, view)
         on_page = [view.project(points) / view.enlargement for points in candidates]
-        choices = place_texts(on_page, [len(text) for text in texts])[: len(self._nodes)]
+        middles = view.project(picture.positions) / view.enlargement
+        halves = sizes / view.spans(picture.positions) / view.enlargement
+        bodies = [] if self._model.crowded else np.column_stack([middles, halves]).tolist()
+        choices = place_texts(on_page, [*map(len, texts)], bodies)[: len(self._nodes)]
         for node, (k, choice) in zip(self._nodes, choices, strict=False):
             update(node, text=texts[k], visible=True)
             node.position = tuple(candidates[k][choice])
@@ -161,19 +165,25 @@ def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> A
     return both if y[0] > _LEGEND else both[::-1]
 
 
-def place_texts(candidates: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
+def place_texts(
+    candidates: Sequence[Array], letters: Sequence[int], bodies: Sequence[Sequence[float]] = ()
+) -> list[tuple[int, int]]:
     """Choose texts that do not overlap, and their positions, by index; the first have priority.
 
+    A text covers no body either, if it has a position that is free of both.
+
     candidates: positions for each in a usual picture, in its shorter sides, shapes (c, 2).
-    letters: length of each.
+    letters: length of each. bodies: middle and half the width of each.
     """
     choices: list[tuple[int, int]] = []
-    areas: list[tuple[float, float, float]] = []
+    areas: list[Sequence[float]] = []
     for k, (positions, count) in enumerate(zip(candidates, letters, strict=True)):
         half = LETTER * (count + 1.0) / 2.0
-        for choice, (x, y) in enumerate(positions.tolist()):
-            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in areas):
+        for taken, (choice, (x, y)) in product(
+            ([*areas, *bodies], areas), enumerate(positions.tolist())
+        ):
+            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in taken):
                 choices.append((k, choice))
-                areas.append((x, y, half))
+                areas = [*areas, (x, y, half)]
                 break
     return choices
