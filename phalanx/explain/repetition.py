@@ -8,7 +8,7 @@ from phalanx_agent.step import ControlStep
 
 from phalanx.launcher.engine import EngineError, RunOptions
 from phalanx.launcher.simulation import Simulation
-from phalanx.launcher.verify import commands_of, shortened
+from phalanx.launcher.verify import INSTANT, commands_of, shortened
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
@@ -89,7 +89,10 @@ def repeated(recording: Recording, agent: str, t: float) -> ControllerSteps:
         raise EngineError("a run in real time cannot be repeated, and so not be explained")
     if recording.scenario.safety.centralised:
         raise EngineError("expected distributed control: one controller decides for all agents")
-    rows = require_runnable(build_swarm(shortened(recording.scenario, t)))
+    decided = [step for step in recording.steps if step.agent == agent and step.t <= t + INSTANT]
+    last = max(decided, key=lambda step: step.t, default=None)
+    end = last.t if last else t
+    rows = require_runnable(build_swarm(shortened(recording.scenario, end)))
     names = rows.swarm.names
     if agent not in names:
         raise EngineError(f"agent: expected one of {', '.join(names)}, got {agent}")
@@ -100,8 +103,6 @@ def repeated(recording: Recording, agent: str, t: float) -> ControllerSteps:
     steps = ControllerSteps(rows, i)
     run.agents.steps[i] = ControlStep(rows, i, steps)
     run.advance()
-    decided = [step for step in recording.steps if step.agent == agent and step.t <= t]
-    last = max(decided, key=lambda step: step.t, default=None)
     if not steps.steps or last is None or steps.steps[-1].t != last.t:
         raise EngineError(f"agent {agent} decided nothing at {t:g} s: it attacks, or was restarted")
     assert steps.result is not None

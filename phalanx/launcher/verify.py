@@ -29,7 +29,7 @@ from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 
-_INSTANT = 1e-9
+INSTANT = 1e-9
 """Added to the duration so that an event at the very end happens again [s]."""
 
 
@@ -132,7 +132,7 @@ def _until_its_end(recorded: Recording) -> Scenario:
 
 def shortened(scenario: Scenario, t: float) -> Scenario:
     """Return a scenario that ends just after t [s], or at its end."""
-    reached = min(scenario.duration, t + _INSTANT)
+    reached = min(scenario.duration, t + INSTANT)
     reseed = tuple(reseeding for reseeding in scenario.reseed if reseeding.at < reached)
     return scenario.model_copy(update={"duration": reached, "reseed": reseed})
 

@@ -207,6 +207,15 @@ def test_a_hijacked_agent_is_not_explained_by_the_input_that_it_claims():
         repeated(recorded(SWAP, hijack, 2.0), "a", 2.0)
 
 
+@pytest.mark.parametrize("t", [0.9, 0.9000000000000001, 0.9 + 5e-3])
+def test_a_sample_is_explained_at_its_time_however_that_is_rounded(t):
+    """The sums of periods are not the numbers that a user writes."""
+    surrounded = recorded("surrounded", {}, 1.0)
+    (sample,) = {s.t for s in surrounded.steps if s.agent == "1" and abs(s.t - 0.9) < 1e-9}
+    assert sample > 0.9
+    assert repeated(surrounded, "1", t).steps[-1].t == sample
+
+
 def test_what_no_row_made_has_no_explanation(swap):
     with pytest.raises(EngineError, match="expected one of a, b, c, d, got e"):
         repeated(swap, "e", 1.0)

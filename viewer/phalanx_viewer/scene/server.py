@@ -113,10 +113,10 @@ def serving(
 
     def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
         def answer(connection: ServerConnection, request: Request) -> Any:
-            # viser's page takes "/#t=1" for the address of its server, but not "/?#t=1". A browser
-            # takes what is behind the # along.
+            # viser's page takes "/#t=1" for the address of its server, but not "/?page#t=1". A
+            # browser takes what is behind the # along. Some clients take "/?" for "/", for ever.
             if request.path == "/" and "Upgrade" not in request.headers:
-                headers = Headers({"Location": "/?", "Content-Length": "0"})
+                headers = Headers({"Location": "/?page", "Content-Length": "0"})
                 return Response(HTTPStatus.FOUND, "Found", headers)
             return options["process_request"](connection, request)
 
