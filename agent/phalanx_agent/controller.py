@@ -150,10 +150,11 @@ class DistributedController:
         result = self._decided(x, visible, t, received)
         if self.keeper is None:
             return result
-        kept = self.keeper(t, x, visible, result.decision.u)
-        if kept.accepted:
+        allowed = self.keeper(t, x, visible, result.decision.u)
+        if allowed.accepted:
             return result
-        return replace(result, decision=replace(result.decision, u=kept.u, origin=Origin.FALLBACK))
+        decision = replace(result.decision, u=allowed.u, origin=Origin.FALLBACK)
+        return replace(result, decision=decision)
 
     def _decided(
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]

@@ -33,8 +33,8 @@ class Capsules(NamedTuple):
     def gaps(self, others: "Capsules") -> Array:
         """Return how far each of the others, m of them, is from all of these at least; (m,) [m]."""
         segments = (sides[:, None] for sides in self[:2]), (sides[None] for sides in others[:2])
-        apart = _between(*segments[0], *segments[1])
-        gaps = apart - self.radius[:, None] - others.radius[None]
+        distances = _between(*segments[0], *segments[1])
+        gaps = distances - self.radius[:, None] - others.radius[None]
         least: Array = np.minimum.reduce(gaps, axis=0, initial=np.inf) - ROUNDING
         return least
 
@@ -122,5 +122,5 @@ def _of_lines(a: Array, b: Array, c: Array, d: Array) -> Array:
     divisor = np.where(flat > 0.0, flat, 1.0)
     s, t = (mixed * two_off - two * one_off) / divisor, (one * two_off - mixed * one_off) / divisor
     inside = (flat > 0.0) & (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    apart = length(offset + s[..., None] * first - t[..., None] * second)
-    return np.where(inside, apart, np.inf)
+    distances = length(offset + s[..., None] * first - t[..., None] * second)
+    return np.where(inside, distances, np.inf)

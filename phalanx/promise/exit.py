@@ -45,8 +45,8 @@ class Chasers(NamedTuple):
         points = np.stack([capsules.begin, capsules.end])
         ways = points[:, None] - self.places[:, None]  # (2, n, capsules, axes)
         normals = _towards(np.concatenate([ways, ways[:1] + ways[1:]]), velocity, share)
-        apart = np.minimum.reduce(dot(ways[:, None], normals[None]))
-        gaps = np.maximum.reduce(apart) - capsules.radius
+        distances = np.minimum.reduce(dot(ways[:, None], normals[None]))
+        gaps = np.maximum.reduce(distances) - capsules.radius
         least: Array = np.minimum.reduce(gaps, axis=1, initial=np.inf) - ROUNDING
         least = least - self.offsets
         return np.where(self.speeds < fastest, least, -np.inf)

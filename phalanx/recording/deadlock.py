@@ -129,12 +129,13 @@ class DeadlockWatch:
 
     def _stands(self, i: int) -> bool:
         """True if agent i, and the distance to the nearest other, have stayed as they were."""
-        own = np.array([sample.p[i] for sample in self._samples])
-        if length(own - own[0]).max() > self._still:
+        positions = np.array([sample.p[i] for sample in self._samples])
+        if length(positions - positions[0]).max() > self._still:
             return False
-        distances = length(np.array([sample.p for sample in self._samples]) - own[:, None])
+        everyone = np.array([sample.p for sample in self._samples])
+        distances = length(everyone - positions[:, None])
         distances[:, i] = np.inf
-        statics = [o.distances(own) - o.clearance for o in self._swarm.scenario.obstacles]
+        statics = [o.distances(positions) - o.clearance for o in self._swarm.scenario.obstacles]
         nearest = np.column_stack([distances, *statics]).min(axis=1)
         return bool(np.ptp(np.where(np.isfinite(nearest), nearest, 0.0)) <= self._still)
 

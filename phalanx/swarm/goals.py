@@ -71,8 +71,8 @@ class AgentGoal:
         """Return the goal's places at s times [s], given the states at each, shape (s, d) [m]."""
         if isinstance(self.reference, Slot):
             return self.reference.formation.positions(self.reference.slot, t)
-        places = [self(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
-        return np.array(places)
+        positions = [self(at, x).position for at, x in zip(t.tolist(), states, strict=True)]
+        return np.array(positions)
 
     @cached_property
     def _goal(self) -> Callable[[Sight], Goal]:

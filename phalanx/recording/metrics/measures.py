@@ -171,12 +171,12 @@ def _distances(swarm: Swarm, i: int, p: Array) -> dict[str, Value]:
 
 def _deadlock(name: str, deadlocks: Sequence[Deadlock], duration: float) -> dict[str, Value]:
     """Return for how long an agent is in deadlock, and since when; duration: of the run [s]."""
-    own = [deadlock for deadlock in deadlocks if deadlock.agent == name]
-    time = added([deadlock.end - deadlock.begin for deadlock in own])
+    waits = [deadlock for deadlock in deadlocks if deadlock.agent == name]
+    time = added([deadlock.end - deadlock.begin for deadlock in waits])
     return {
         "deadlock_time": time,
         "deadlock_share": time / duration if duration else 0.0,
-        "deadlock_since": min((deadlock.begin for deadlock in own), default=None),
+        "deadlock_since": min((deadlock.begin for deadlock in waits), default=None),
     }
 
 

@@ -76,7 +76,7 @@ class Rows(Struct, frozen=True):
     margin: Array | None = None
     """The part of each bound that is margin, shape (r,), if it is known."""
     others: tuple[int, ...] = ()
-    """The other member of each row's pair, or N + k for obstacle k; empty if they are not told."""
+    """The other member of each row's pair, or N + k for obstacle k; empty if unknown."""
 
 
 def paper_row(terms: Terms, i: int, received: Mapping[int, Sequence[float]]) -> Row:
