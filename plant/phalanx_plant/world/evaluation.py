@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import DEFECT, Swarm
+from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
@@ -83,8 +83,7 @@ class Evaluation:
         numbers, times = steps[:, 0].astype(np.intp), steps[:, 1] + steps[:, 2] * ordinals
         x = np.concatenate([p.x for p in segments])
         positions = np.concatenate([p.p for p in segments])
-        defects = self._resolution.defects(segments).repeat(counts)
-        resolved = defects + self._roundings.rates(times, x) <= DEFECT
+        resolved = self._resolution.resolved(segments, self._roundings.rates(times, x))
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
             pairs, values, least = self.pairs(x[some], positions[some])

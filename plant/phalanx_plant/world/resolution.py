@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.swarm.swarm import DEFECT, Swarm
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
@@ -40,12 +40,17 @@ class Resolution:
         ]
         """By dynamics: the bound, and its agents."""
 
-    def defects(self, segments: Sequence[Segment]) -> Array:
-        """Bound the defect of each segment's steps [1/s], shape (p,); inf or nan if unbounded."""
-        # A bound for all holds for each, and is hardly ever too large.
-        if (largest := self.defect(segments)) <= 0.5 * DEFECT:
-            return np.full(len(segments), largest)
-        return np.array([self.defect([segment]) for segment in segments])
+    def resolved(self, segments: Sequence[Segment], rates: Array) -> Mask:
+        """Return whether the defect and rounding of each step are at most DEFECT, shape (s,).
+
+        rates: of the rounding of the segments' steps [1/s], shape (s,).
+        """
+        # A bound for all holds for each, and is hardly ever too large. If it is, each segment has
+        # its own: which ones are judged together depends on the wall clock.
+        if self.defect(segments) + rates.max() <= DEFECT:
+            return np.full(len(rates), True)
+        defects = np.array([self.defect([segment]) for segment in segments])
+        return defects.repeat([p.x.shape[0] for p in segments]) + rates <= DEFECT
 
     def defect(self, segments: Sequence[Segment]) -> float:
         """Bound the defect of all steps of these segments [1/s]; inf or nan if there is none."""

@@ -91,10 +91,17 @@ def test_steps_are_judged_together_as_each_is_alone(seed):
     swarm = swarm_of_scenario("unicycles")
     resolution, segments = Resolution(swarm), [segment(swarm, seed + k, 2.0) for k in range(4)]
     together = resolution.defect(segments)
-    assert max(resolution.defect([way]) for way in segments) <= together <= DEFECT / 2
-    assert (resolution.defects(segments) == together).all()
+    alone, counts = [resolution.defect([way]) for way in segments], [len(p.x) for p in segments]
+    assert max(alone) <= together <= DEFECT / 2
+    assert resolution.resolved(segments, np.full(sum(counts), DEFECT / 2)).all()
+    # Between its own bound and that of all a rate leaves each step resolved, in any company.
+    room = np.repeat(DEFECT - np.array(alone), counts)
+    assert resolution.resolved(segments, 0.999 * room).all()
+    assert not resolution.resolved(segments, 1.001 * room).any()
     segments[2] = segment(swarm, seed, 12566.0)
-    assert (resolution.defects(segments) <= DEFECT).tolist() == [True, True, False, True]
+    counts = [len(p.x) for p in segments]
+    answers = resolution.resolved(segments, np.zeros(sum(counts)))
+    assert answers.tolist() == np.repeat([True, True, False, True], counts).tolist()
 
 
 def test_a_bound_of_several_steps_holds_for_the_last_one_whose_push_has_grown():
@@ -157,4 +164,5 @@ def test_what_a_step_cannot_see_is_not_resolved(kink, y, resolved):
     integration.x[:2] = 3e-7, y
     integration.hold(0, np.array([0.0, 1.0]))  # from -1e-4 across the kink in the first step
     way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
-    assert (Resolution(rows.swarm).defects([way]) <= DEFECT).tolist() == [resolved]
+    answers = Resolution(rows.swarm).resolved([way], np.zeros(len(way.x)))
+    assert set(answers.tolist()) == {resolved}
