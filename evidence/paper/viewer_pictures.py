@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from phalanx_viewer.feeds.replay import open_replay
 from phalanx_viewer.scene.server import choose_port
-from PIL import Image, ImageChops
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import phalanx
@@ -34,9 +34,7 @@ WIDE, DESK, NARROW = (1440, 900), (1280, 800), (800, 600)
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 CLOCK = r"t = ([\d.]+) s"
 # What viser says of a browser without a graphics card would cover the scene.
-HIDE_NOTES = ".mantine-Notifications-root { display: none }"
-SHIMMER = 48
-"""Changes of grey, of 255, that are less than this do not count."""
+HIDE_NOTES = ".mantine-Notifications-root { display: none } :root { --phx-notice: 0px !important }"
 CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=3.0")
 
 
@@ -162,15 +160,14 @@ def opened(browser: "Browser", port: int, size: tuple[int, int]) -> Iterator["Ta
 
 def settled(tab: "Tab") -> Image.Image:
     """The page once it has not changed for a while: the scene comes in steps."""
-    picture, same = screenshot(tab), 0
+    last, same = [screenshot(tab)], 0
     while same < 4:
         tab.wait_for_timeout(1000)
         now = screenshot(tab)
-        # The field of view is nudged once a second: edges of lines shimmer by less than is seen.
-        change = ImageChops.difference(now, picture).convert("L").tobytes()
-        same = same + 1 if max(change) < SHIMMER else 0
-        picture = now
-    return picture
+        # The field of view is nudged to and fro once a second: between two pictures.
+        same = same + 1 if now in last else 0
+        last = [last[-1], now]
+    return last[-1]
 
 
 def screenshot(tab: "Tab") -> Image.Image:
