@@ -55,7 +55,7 @@ def test_the_page_of_a_live_run_says_that_it_looks_back_and_a_click_returns(
     tab: "Tab", tmp_path: Path
 ) -> None:
     with (
-        live_run(load("unicycles", ["duration=60.0"]), tmp_path / "live", HELD) as run,
+        live_run(load("unicycles", ["duration=20.0"]), tmp_path / "live", HELD) as run,
         viewer("--connect", run.endpoint, "--run", "live") as page,
     ):
         tab.goto(page.url)
