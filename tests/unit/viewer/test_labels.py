@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from phalanx_viewer.scene.cameras import View
+from phalanx_viewer.scene.nodes import linear
 from phalanx_viewer.scene.texts import LETTER, place_texts, text_places
 
 
@@ -44,6 +45,19 @@ def test_the_text_of_a_pair_is_below_it_but_not_where_the_legend_is(
     first, other = text_places(a, b, letters=5, clear=0.1, view=view)[:, 1] - high
     assert (first < -0.1, other > 0.1) == (below, below)
     assert (first > 0.1, other < -0.1) == (not below, not below)
+
+
+def test_the_text_of_a_limit_is_below_its_agent() -> None:
+    view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.0)
+    agent = np.zeros(3)
+    assert text_places(agent, agent, letters=5, clear=0.1, view=view)[0, 1] < -0.1
+
+
+def test_lines_ends_have_the_colours_of_the_legend() -> None:
+    colours = np.arange(256)
+    light = linear(colours) / 255.0
+    encoded = np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    assert np.abs(255.0 * encoded - colours).max() < 7.0
 
 
 def test_the_text_next_to_a_pair_at_the_pictures_edge_stays_inside() -> None:

@@ -15,6 +15,7 @@ from phalanx_viewer.scene.nodes import (
     ball,
     body,
     disc,
+    linear,
     move,
     ring,
     single,
@@ -174,7 +175,7 @@ class LineNodes:
             links = picture.links[visible]
             colour = np.where(picture.lost[visible, None], np.array(DANGER), np.array(LATE))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
-        update(self.links, points=single(links), colors=colours.astype(np.uint8))
+        update(self.links, points=single(links), colors=linear(colours))
 
     def show_recent_paths(self, positions: Array) -> None:
         """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
@@ -185,6 +186,7 @@ class LineNodes:
             fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
             colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)
             ends = np.stack([colours[:-1], colours[1:]], axis=2).reshape(-1, 2, 3)
+            # Fading towards the background is seen as it is; in linear light they would be dark.
             self.paths.colors = ends.astype(np.uint8)
 
     def set_palette(self, palette: Palette) -> None:

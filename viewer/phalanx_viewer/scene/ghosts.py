@@ -12,7 +12,7 @@ from phalanx.theory.arrays import Array
 from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.colours import Palette, age_colour
 from phalanx_viewer.scene.model import SceneModel, in_space
-from phalanx_viewer.scene.nodes import HIDDEN, add_batch, ball, move, ring, single, update
+from phalanx_viewer.scene.nodes import HIDDEN, add_batch, ball, linear, move, ring, single, update
 from phalanx_viewer.scene.picture import Kind, Shape
 
 _FILL = 0.06
@@ -58,7 +58,7 @@ class GhostNodes:
         sizes = np.where(np.arange(n) < count, _MIDDLE * size, HIDDEN)
         move(self._sets, middles, sides, colors=colours.astype(np.uint8))
         move(self._middles, middles, sizes, colors=colours.astype(np.uint8))
-        both = np.repeat(np.array(of_ends, dtype=np.uint8)[:, None], 2, axis=1)
+        both = np.repeat(linear(np.array(of_ends))[:, None], 2, axis=1)
         update(self._lines, points=single(np.array(segments)), colors=both)
         update(self._errors, points=single(np.array(errors)))
 

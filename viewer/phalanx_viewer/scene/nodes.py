@@ -57,6 +57,11 @@ def single(values: Floats) -> NDArray[np.float32]:
     return values.astype(np.float32)
 
 
+def linear(colours: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours of lines' ends: viser shows them as linear light, unlike all others."""
+    return np.rint(255.0 * ((colours / 255.0 + 0.055) / 1.055) ** 2.4).astype(np.uint8)
+
+
 def body(flat: bool) -> Mesh:
     """An arrowhead along +x."""
     if flat:

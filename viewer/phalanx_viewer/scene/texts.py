@@ -12,7 +12,7 @@ from phalanx_viewer.scene.agents import lines
 from phalanx_viewer.scene.cameras import View
 from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import single, update
+from phalanx_viewer.scene.nodes import linear, single, update
 from phalanx_viewer.scene.picture import Picture
 
 
@@ -111,7 +111,7 @@ class LabelNodes:
                 colours.append([WORST_PAIR if of_pair else OBSTACLE] * 2)
         self._leader.visible = bool(ends)
         if ends:
-            points, of_ends = single(np.array(ends)), np.array(colours, dtype=np.uint8)
+            points, of_ends = single(np.array(ends)), linear(np.array(colours))
             update(self._leader, points=points, colors=of_ends)
 
     def _candidates(
@@ -149,7 +149,8 @@ class LabelNodes:
 
 def text_places(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
     """Middles of a text below and above the line from a to b, `clear` off it [m], shape (2, 3)."""
-    right, up = view.axes[:2] @ (b - a)
+    # A limit has no position of its own: its text is below the agent.
+    right, up = view.axes[:2] @ (b - a) if a is not b else (1.0, 0.0)
     # Square to the line in the picture, and downwards rather than up.
     off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
     off = -off if off[1] > 0.0 else off
