@@ -186,7 +186,7 @@ class LineNodes:
             fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
             colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)
             ends = np.stack([colours[:-1], colours[1:]], axis=2).reshape(-1, 2, 3)
-            # Fading towards the background is seen as it is; in linear light they would be dark.
+            # Not as linear light: in the dark scheme paths would be hardly visible.
             self.paths.colors = ends.astype(np.uint8)
 
     def set_palette(self, palette: Palette) -> None:
