@@ -138,7 +138,7 @@ BUDGET: Mapping[str, int] = {
     "swarm": 2380,
     "testing": 910,
     "theory": 9275,
-    "viewer": 5145,
+    "viewer": 5150,
     "wire": 600,
 }
 EXTENSIONS = {

@@ -68,7 +68,7 @@ def test_frames_to_look_back_at_are_the_last_ones_not_after_a_time() -> None:
     assert past.frame_at(0.25, 1) is frames[3]
     assert past.frame_at(-1.0) is past.frame_at(0.0, -1) is frames[0]
     assert past.frame_at(0.4) is past.frame_at(9.0) is past.frame_at(0.35, 1 + 1) is None
-    assert past.frame_at(np.inf, -1) is frames[3]
+    assert past.frame_at(0.4, -1) is past.frame_at(np.inf, -1) is frames[3], "a pause holds it"
     assert len(past.recent_path(0.25)) == 2, "points 0.2 s from one another"
 
 

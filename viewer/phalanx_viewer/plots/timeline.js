@@ -53,7 +53,9 @@ addEventListener("resize", () => redraw(true));
 
 function togglePlay() {
   if (isSeekable()) phalanx.act({ play: !clock.playing });
-  else seek(clock.playing ? clock.t : content.end);
+  // The newest frame is the present, which goes on: hold the one before.
+  else if (clock.playing) phalanx.act({ seek: clock.t, step: -1 });
+  else seek(content.end);
 }
 
 function seekWorst() {
