@@ -201,7 +201,7 @@ class PromiseSummary(msgspec.Struct):
 
     @property
     def lost_at(self) -> float | None:
-        """Time at which the first fallback was lost [s]; None if none was."""
+        """Time at which the first promise broke [s]; None if none did."""
         return self.broken[0].t if self.broken else None
 
     def __str__(self) -> str:
