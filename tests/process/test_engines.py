@@ -9,6 +9,8 @@ import pytest
 
 import phalanx
 from phalanx.native.library import COMPILER, FOLDER
+from tests.layers import layered
+from tests.process.runs import on_both_engines
 
 pytestmark = pytest.mark.swarm
 
@@ -96,3 +98,22 @@ def test_processes_that_load_machine_code_have_the_same_trajectory(
         library.write_bytes(b"")
     damaged = phalanx.run(scenario)
     assert "the interpreter runs" in (damaged.folder / "logs" / "plant.log").read_text()
+
+
+HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"]
+"""Scenarios without robots of others, which no run repeats."""
+
+
+@pytest.mark.timeout(600)  # the certificates of some dynamics compile for 20 s, twice
+@pytest.mark.parametrize("name", layered(HERE_ALONE, ("faults/robot",)))
+def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
+    # A second of Crazyflies takes twenty: their integration steps are of 0.3 ms.
+    lasts = 0.1 if name == "worlds/crazyflies" else DURATION
+    shipped = phalanx.load(name, seed=1)
+    on_both_engines(phalanx.load(name, {"duration": min(lasts, shipped.duration)}, seed=1))
+
+
+@pytest.mark.parametrize("name", layered(VARIANTS, ("losses and delays", "one controller")))
+def test_whatever_network_clock_and_controller_the_trajectory_is_one(name: str) -> None:
+    scenario = phalanx.load("unicycles", {"duration": DURATION, **VARIANTS[name]})
+    assert on_both_engines(scenario)[0].summary.notes == []

@@ -109,27 +109,3 @@ def test_the_legend_has_what_the_run_has_and_the_scene_shows(tab: "Tab", replaye
     set_display(tab, "Late and lost links", "Goals")
     legend.get_by_text("lost link").wait_for()
     legend.get_by_text("goal").wait_for(state="detached")
-
-
-@pytest.mark.nightly
-def test_a_phones_timeline_is_below_its_buttons_and_all_of_it_is_there(
-    tab: "Tab", replayed: Page
-) -> None:
-    tab.set_viewport_size(PHONE)
-    # As if there was a violation, whose button needs room too.
-    tab.locator("#phx-timeline button", has_text="violation").evaluate(
-        "button => { button.hidden = false; }"
-    )
-    line = tab.locator("#phx-timeline canvas")
-
-    def is_below_all() -> bool:
-        boxes = [button.bounding_box() for button in tab.locator("#phx-timeline button").all()]
-        box, panel = line.bounding_box(), tab.locator(".mantine-Paper-root").first.bounding_box()
-        assert box is not None
-        assert panel is not None
-        lowest = max(b["y"] + b["height"] for b in boxes if b is not None)
-        first = min(b["y"] for b in boxes if b is not None)
-        inside = box["y"] + box["height"] <= PHONE["height"]
-        return inside and lowest <= box["y"] + 1.0 and panel["y"] + panel["height"] <= first
-
-    wait_for(is_below_all)

@@ -23,7 +23,7 @@ from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
-from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
+from tests.process.runs import HELD, live_run, wait_for
 from tests.process.viewer.pages import chosen, labelled, pixels, served, set_display, viewer
 
 if TYPE_CHECKING:
@@ -39,21 +39,6 @@ def time_shown(tab: "Tab") -> float:
     """The virtual time that the page shows."""
     status = STATUS.search(tab.locator("body").inner_text())
     return float(status.group(1)) if status else math.nan
-
-
-def number_field(tab: "Tab", label: str) -> "Locator":
-    """The number field of a labelled slider."""
-    row = tab.locator("label", has_text=label).locator(
-        "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
-    )
-    return row.locator("input[inputmode=decimal]").first
-
-
-def enter(field: "Locator", value: str) -> None:
-    """Type a number and leave the field."""
-    field.fill(value)
-    field.press("Enter")
-    field.blur()
 
 
 def click_at(tab: "Tab", canvas: "Locator", share: float) -> None:
@@ -102,25 +87,6 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
 
 
 @pytest.mark.nightly
-def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", replayed) -> None:
-    def painted() -> str:
-        tab.evaluate("new Promise(then => requestAnimationFrame(() => setTimeout(then)))")
-        return pixels(tab.locator("#phx-plots canvas").first)
-
-    replay, page = replayed
-    replay.seek(replay.end)
-    wait_for(lambda: time_shown(tab) == round(replay.end, 3))
-    set_display(tab, "Dark")
-    tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
-    turned = painted()
-    tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
-    assert painted() == turned
-    (client,) = page.server.get_clients().values()
-    paths = client.scene.get_handle_by_name("/recent paths")
-    wait_for(lambda: paths.colors[0, 0].max() < 60)
-
-
-@pytest.mark.nightly
 def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", replayed) -> None:
     replay, _ = replayed
     tab.keyboard.press("End")
@@ -141,31 +107,6 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", replayed) ->
 
 
 @pytest.mark.nightly
-def test_z_goes_to_the_worst_moment_and_to_its_diagram_wherever_that_is(
-    tab: "Tab", finished: Path
-) -> None:
-    replay = open_replay(finished)
-    worst = next(mark for mark in content(replay, [0], seekable=True).marks if mark.kind == "worst")
-    with served(replay) as page:
-        tab.set_viewport_size({"width": 1100, "height": 500})  # so narrow that the plots are folded
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("t = 0.000 s").wait_for()
-        diagram = tab.locator("#phx-plots canvas").last
-        assert not diagram.is_visible()
-        tab.keyboard.press("z")
-        wait_for(lambda: replay.t == pytest.approx(worst.t, abs=1e-3))
-        tab.get_by_role("button", name="whole run (z)").wait_for()
-        wait_for(lambda: in_view(tab, diagram))
-
-
-def in_view(tab: "Tab", locator: "Locator") -> bool:
-    """True if all of an element is above the timeline."""
-    box, bar = locator.bounding_box(), tab.locator("#phx-timeline").bounding_box()
-    assert bar is not None
-    return box is not None and box["y"] >= 0.0 and box["y"] + box["height"] <= bar["y"] + 1.0
-
-
-@pytest.mark.nightly
 def test_an_agents_name_and_enter_choose_it_and_the_keys_move_the_cursor_again(
     tab: "Tab", tmp_path: Path
 ) -> None:
@@ -183,20 +124,6 @@ def test_an_agents_name_and_enter_choose_it_and_the_keys_move_the_cursor_again(
         wait_for(lambda: chosen(page) == replay.model.names.index("7"))
         tab.keyboard.press("End")
         wait_for(lambda: replay.t == replay.end)
-
-
-@pytest.mark.nightly
-def test_a_read_only_live_page_has_no_commands(tab: "Tab", tmp_path: Path) -> None:
-    with (
-        live_run(load("unicycles", ["duration=1.0"]), tmp_path / "live", HELD) as run,
-        viewer("--connect", run.endpoint, "--run", "live") as page,
-    ):
-        tab.goto(page.url)
-        tab.locator("#phx-plots canvas").first.wait_for()
-        for name in ("Pause", "Kill 1", "Turn 1"):  # it has no command secret
-            assert tab.get_by_role("button", name=name).count() == 0
-        run.set_speed(0.0)
-        run.summary()
 
 
 @pytest.mark.nightly
@@ -269,14 +196,6 @@ def test_the_space_time_diagram_shows_the_worst_moment_in_detail(tab: "Tab", rep
 
 
 @pytest.mark.nightly
-def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(tab: "Tab", replayed) -> None:
-    replay, _ = replayed
-    tab.get_by_text("· paused").wait_for()
-    replay.over = True
-    tab.get_by_text("the run is over").wait_for()
-
-
-@pytest.mark.nightly
 def test_the_page_of_a_live_run_goes_on_with_its_replay(tab: "Tab", tmp_path: Path) -> None:
     with live_run(load("unicycles", ["duration=3.0"]), tmp_path / "live", HELD) as run:
         wait_for((run.folder / "live.json").exists)
@@ -295,48 +214,6 @@ def test_the_page_of_a_live_run_goes_on_with_its_replay(tab: "Tab", tmp_path: Pa
             assert f"{first.steps} steps" in tab.locator("body").inner_text()
             assert f" {first.steps} steps" not in last
             assert tab.evaluate("window.sameVisit")
-
-
-@pytest.mark.nightly
-def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
-    tab: "Tab", tmp_path: Path
-) -> None:
-    scenario = load("unicycles", ["duration=12.0"])
-    address = ("--run", "live", "--connect")
-    with (
-        live_run(scenario, tmp_path / "live", HELD) as run,
-        viewer(*address, run.endpoint, command_secret=COMMAND_SECRET) as page,
-    ):
-        tab.goto(page.url)
-        tab.get_by_text("Command", exact=True).wait_for()
-        plot = tab.locator("#phx-plots canvas").first
-        before = pixels(plot)
-        run.set_speed(0.02)  # slow enough that a busy machine's page pauses it before it is over
-        wait_for(lambda: pixels(plot) != before)
-
-        enter(number_field(tab, "Loss [%]"), "50")
-        tab.get_by_text("network by command: loss 50%").wait_for()
-        tab.get_by_text("Links late and lost, backup").wait_for()
-
-        tab.get_by_role("button", name="Pause", exact=True).click()
-        tab.get_by_text("· paused").wait_for()
-        stopped = time_shown(tab)
-        tab.get_by_role("button", name="Step", exact=True).click()
-        wait_for(lambda: time_shown(tab) > stopped)
-        assert time_shown(tab) <= stopped + 0.01 + 1e-3
-
-        tab.get_by_role("button", name="Kill 1", exact=True).click()
-        tab.get_by_role("button", name="Resume", exact=True).click()
-        tab.get_by_text("agent 1 killed").first.wait_for()
-        run.set_speed(2.0)
-        tab.get_by_text("the run is over").wait_for()
-        run.summary()
-    recording = read(tmp_path / "live")
-    at = next(c.t for c in recording.commands if c.kind == "loss")
-    early = [fate[2] for s in recording.steps if s.t < at for fate in s.fates]
-    late = [fate[2] for s in recording.steps if s.t >= at for fate in s.fates]
-    assert min(early) >= 0.0
-    assert 0.4 < float(np.mean(np.array(late) < 0.0)) < 0.6
 
 
 RUNS_CODE = (
