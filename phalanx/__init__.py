@@ -69,24 +69,28 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
 
 
 @cache
-def _homes() -> dict[str, tuple[str, str]]:
-    """Return the module of each public name, and its name there, as the imports above say."""
-    tree = ast.walk(ast.parse(Path(__file__).read_text("utf-8")))
+def _homes(file: str) -> dict[str, tuple[str, str]]:
+    """Return the module of each public name, and its name there, as a file's imports say."""
+    tree = ast.walk(ast.parse(Path(file).read_text("utf-8")))
     imports = [(str(node.module), node.names) for node in tree if isinstance(node, ast.ImportFrom)]
     return {alias.asname or alias.name: (m, alias.name) for m, names in imports for alias in names}
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: some take a second."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def public_name(name: str, module: dict[str, Any]) -> Any:
+    """Import a public name of a module when it is first used: some take a second."""
+    if name not in module["__all__"]:
+        raise AttributeError(f"module {module['__name__']!r} has no attribute {name!r}")
     from phalanx.schema.extensions import extras_named
 
-    module, attribute = _homes()[name]
+    home, attribute = _homes(module["__file__"])[name]
     with extras_named():
-        value = getattr(__import__(module, fromlist=[attribute]), attribute)
-    globals()[name] = value
-    return value
+        module[name] = getattr(__import__(home, fromlist=[attribute]), attribute)
+    return module[name]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    return public_name(name, globals())
 
 
 def __dir__() -> list[str]:

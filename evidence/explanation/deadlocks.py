@@ -22,8 +22,8 @@ from rich.progress import track
 import phalanx
 from phalanx.extend import Dynamics, Law, View
 from phalanx.launcher.run import Run
+from phalanx.network.draws import Draws
 from phalanx.recording.read import swarm_of
-from phalanx.seeded.draws import Draws
 from phalanx.theory.arrays import Array
 from phalanx.theory.laws.goals import hold
 

@@ -22,8 +22,8 @@ from phalanx.explain.conflict import least_conflict
 from phalanx.explain.costs import RowCost, row_costs
 from phalanx.explain.repetition import ControllerSteps
 from phalanx.launcher.simulation import Simulation
+from phalanx.network.draws import Draws
 from phalanx.scenario.load import load
-from phalanx.seeded.draws import Draws
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.polytope import polytope

@@ -28,12 +28,12 @@ from phalanx_plant.world.events import StateReached
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
+from phalanx.network.draws import Draws
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.scenario.safety import Composition
 from phalanx.schema.built_in import BUILT_IN
-from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.rows.information import Information

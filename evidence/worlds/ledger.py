@@ -14,9 +14,9 @@ import numpy as np
 from phalanx_worlds.fit_command import conformal_bound
 
 import phalanx
+from phalanx.network.draws import Draws
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
-from phalanx.seeded.draws import Draws
 from phalanx.theory.arrays import Array
 from tests.unit.guarantee.test_disturbance_ledger import MODELS, WINDOWS, explained, windows
 

@@ -12,10 +12,10 @@ from typing import Annotated, ClassVar, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from phalanx.faults.commands import CommandKind
+from phalanx.network.draws import Seeds, Tables
 from phalanx.network.link import Kind
 from phalanx.network.rule import During, Rule
 from phalanx.schema.fields import Name, NonNegative, Positive, Strict, field_error
-from phalanx.seeded.draws import Seeds, Tables
 
 FieldPath = tuple[str | int, ...]
 """Location of a field in the scenario, for error messages."""

@@ -17,10 +17,10 @@ from phalanx.faults.fault import (
     TimedFault,
     require_names,
 )
+from phalanx.network.draws import Draws, Seeds
 from phalanx.network.inbox import AnnouncedInput
 from phalanx.network.rule import Cut
 from phalanx.schema.fields import INPUT, WORD, Name, Sent, field_error
-from phalanx.seeded.draws import Draws, Seeds
 
 _LIES = ("says", "equivocate", "replay", "apply_time", "shift", "drift", "silent")
 

@@ -15,10 +15,10 @@ from phalanx.faults.fault import (
     TimedFault,
     require_names,
 )
+from phalanx.network.draws import Draws
 from phalanx.network.rule import DELIVER, Cut, Message, Treatment, delay
 from phalanx.network.table import LinkOverride, SomeLinks
 from phalanx.schema.fields import Name, field_error
-from phalanx.seeded.draws import Draws
 
 Shape = Literal["majority", "ring", "isolate"]
 """Names as in Jepsen."""

@@ -19,10 +19,10 @@ from phalanx.faults.fault import (
     TemporaryAgentFault,
 )
 from phalanx.network.delay import quantile
+from phalanx.network.draws import SamplingClock, Seeds, Tables
 from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, Positive, field_error
-from phalanx.seeded.draws import SamplingClock, Seeds, Tables
 from phalanx.theory.arrays import Array
 
 _LEAST_DRIFT, _MOST_DRIFT = -0.5, 10.0

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.seeded.draws import Draws
+from phalanx.network.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.theory.arrays import Array
 
 log = logging.getLogger("phalanx.theory")

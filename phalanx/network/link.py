@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from phalanx.network.delay import ConstantDelay
+from phalanx.network.draws import Draws, Seeds, Tables
 from phalanx.network.loss import RandomLoss
 from phalanx.network.rule import (
     DELIVER,
@@ -17,7 +18,6 @@ from phalanx.network.rule import (
     Treatment,
     asks_distance,
 )
-from phalanx.seeded.draws import Draws, Seeds, Tables
 from phalanx.theory.expressions.user_methods import error_line
 
 LOSS, DELAY, TRACE = "loss", "delay", "trace"

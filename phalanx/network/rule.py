@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from phalanx.seeded.draws import Draws
+from phalanx.network.draws import Draws
 from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.expressions.user_methods import (
     MistakenMethodError,

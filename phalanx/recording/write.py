@@ -19,8 +19,8 @@ from mcap.records import MessageIndex
 from mcap.writer import Writer
 
 from phalanx.faults.commands import Command
-from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.native.files import whole_file
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, State, Step, StepData, json_schema, schema_name
 from phalanx.scenario.model import Scenario, digest, to_json

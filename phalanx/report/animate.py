@@ -14,8 +14,8 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from phalanx.faults.commands import Condition
-from phalanx.files import whole_file
 from phalanx.guarantee.verdict import Outcome
+from phalanx.native.files import whole_file
 from phalanx.recording.curves.history import (
     EMPTY_CODES,
     FATES,

@@ -9,7 +9,7 @@ from string import Template
 
 from matplotlib.figure import Figure
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.report.style import svg_of
 
 MOST_ROWS = 60

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from phalanx.files import real_folder, whole_file
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.messages.traffic import traffic_in_words
+from phalanx.native.files import real_folder, whole_file
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.metrics.table import METRIC_HEAD, metric_rows, metrics_of

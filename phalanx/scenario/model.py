@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic.json_schema import SkipJsonSchema
 
 from phalanx.faults.fault import RunFacts
+from phalanx.network.draws import Seeds
 from phalanx.network.table import Network
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.attack import Attack
@@ -46,7 +47,6 @@ from phalanx.schema.fields import (
 )
 from phalanx.schema.json_schema import OfKind
 from phalanx.schema.notebook import html_table
-from phalanx.seeded.draws import Seeds
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.models.world import World, require_clock
 from phalanx.theory.safety.function import Boundary, Limit, Static

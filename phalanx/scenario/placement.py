@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge
 
+from phalanx.network.draws import Draws
 from phalanx.schema.fields import NonNegative, Positive
-from phalanx.seeded.draws import Draws
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.laws.formation import Formation

@@ -10,11 +10,11 @@ from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from phalanx.network.draws import Draws
 from phalanx.scenario.load import described, read_table, reading_of, validate, value_from
 from phalanx.scenario.load import load as load_scenario
 from phalanx.scenario.model import Reading, Scenario, ScenarioError, Seed
 from phalanx.schema.fields import Distribution, Strict, Values, field_error
-from phalanx.seeded.draws import Draws
 
 _STRING_OR_CHARACTER = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|.""", re.DOTALL)
 

@@ -17,7 +17,7 @@ import msgspec
 import polars as pl
 import tomli_w
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.studies.plan import Plan
 from phalanx.studies.row import (
     SCHEMA,

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from phalanx.network.draws import Draws, SamplingClock, Seeds
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.model import Scenario, ScenarioError, Time, digest
 from phalanx.scenario.safety import Safety
-from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.cache import FunctionCache

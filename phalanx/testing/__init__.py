@@ -7,27 +7,32 @@
 With pytest, the fixtures of docs/testing.md do the same, and say more of a failure.
 """
 
-from phalanx.testing.claims import ClaimError
-from phalanx.testing.conditions import faulty
-from phalanx.testing.fault_tables import (
-    actuator,
-    clock,
-    hijack,
-    hold,
-    kill,
-    lie,
-    link,
-    partition,
-    pause,
-    restart,
-    sensor,
-    turn,
-)
-from phalanx.testing.live import LiveRun, start
-from phalanx.testing.rates import RateStudy
-from phalanx.testing.runs import CheckedRun, Moment, run
-from phalanx.testing.strategies import faults, networks, starts
-from phalanx.testing.world import WorldMistakeError, check_world
+from typing import TYPE_CHECKING, Any
+
+import phalanx
+
+if TYPE_CHECKING:
+    from phalanx.testing.claims import ClaimError
+    from phalanx.testing.conditions import faulty
+    from phalanx.testing.fault_tables import (
+        actuator,
+        clock,
+        hijack,
+        hold,
+        kill,
+        lie,
+        link,
+        partition,
+        pause,
+        restart,
+        sensor,
+        turn,
+    )
+    from phalanx.testing.live import LiveRun, start
+    from phalanx.testing.rates import RateStudy
+    from phalanx.testing.runs import CheckedRun, Moment, run
+    from phalanx.testing.strategies import faults, networks, starts
+    from phalanx.testing.world import WorldMistakeError, check_world
 
 __all__ = [  # noqa: RUF022 - in the order of the documentation
     "run",
@@ -56,3 +61,8 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "check_world",
     "WorldMistakeError",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: pytest's plugin is loaded by every session."""
+    return phalanx.public_name(name, globals())

@@ -30,7 +30,7 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 THEORY = rooms(
     "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws"
 )
-SCENARIO = rooms("seeded schema network faults scenario", THEORY)
+SCENARIO = rooms("schema network.draws network faults scenario", THEORY)
 SWARM = rooms("swarm knowledge promise", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
 MESSAGES = rooms("messages", GUARANTEE)
@@ -46,9 +46,9 @@ COMMANDED = rooms("cli", LAUNCHER) | {"phalanx"}  # with a command of its own
 
 # The rooms that each may import from, apart from itself. Every folder must be listed.
 MAY_IMPORT: Mapping[str, set[str]] = {
-    "phalanx.files": set(),
+    "phalanx.native.files": set(),
     # Compiles, keeps and loads C; theory hands it what is to be C.
-    "phalanx.native": set(),
+    "phalanx.native": rooms("native.files"),
     "phalanx.theory": set(),
     "phalanx.theory.expressions": rooms("native"),
     "phalanx.theory.models": rooms("theory.expressions"),
@@ -61,10 +61,10 @@ MAY_IMPORT: Mapping[str, set[str]] = {
         "native theory.expressions theory.models theory.safety theory.margins theory.rows"
     ),
     "phalanx.promise": rooms("knowledge theory.expressions theory.models theory.safety native"),
-    "phalanx.seeded": set(),
+    "phalanx.network.draws": set(),
     "phalanx.schema": THEORY,
-    "phalanx.network": THEORY | rooms("seeded schema"),
-    "phalanx.faults": rooms("seeded schema network"),
+    "phalanx.network": THEORY | rooms("network.draws schema"),
+    "phalanx.faults": rooms("network.draws schema network"),
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
@@ -72,7 +72,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.wire": WIRE,
     "phalanx.recording": RECORDING,
     "phalanx.recording.metrics": METRICS,
-    "phalanx.studies.statistics": rooms("seeded"),
+    "phalanx.studies.statistics": set(),
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant native"),
     "phalanx.cli": LAUNCHER | {"phalanx"},
@@ -90,11 +90,11 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.recording.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
-    "phalanx.paper": COMMANDED | METRICS | CURVES | rooms("report"),
+    "phalanx.report.paper": COMMANDED | METRICS | CURVES | rooms("report"),
     "phalanx.studies.page": COMMANDED | rooms("report studies.statistics studies"),
     # Tests of a user's swarm, and the plugin of pytest that serves them.
     "phalanx.testing": COMMANDED | rooms("studies.statistics"),
-    "phalanx.pytest": COMMANDED | rooms("testing"),
+    "phalanx.testing.pytest": COMMANDED | rooms("testing"),
     # It decides again as the agent did.
     "phalanx.explain": COMMANDED | METRICS | rooms("agent"),
     "phalanx_viewer": COMMANDED | CURVES | VIEWER,
@@ -124,31 +124,29 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2320,
     "messages": 915,
-    "native": 300,
-    "network": 1415,
+    "native": 330,
+    "network": 1585,
     "plant": 5365,
     "promise": 550,
-    "pytest": 340,
     "recording": 2325,
-    "report": 2010,
+    "report": 2310,
     "scenario": 1680,
     "schema": 960,
-    "seeded": 180,
     "studies": 2130,
     "swarm": 2380,
-    "testing": 910,
+    "testing": 1255,
     "theory": 9275,
     "viewer": 5150,
     "wire": 600,
 }
 EXTENSIONS = {
     "phalanx.recording.curves",
-    "phalanx.paper",
+    "phalanx.report.paper",
     "phalanx.report",
     "phalanx.studies.page",
     "phalanx_hosts",
     "phalanx_mcap",
-    "phalanx.pytest",
+    "phalanx.testing.pytest",
     "phalanx.testing",
     "phalanx_attacks",
     "phalanx.explain",
@@ -159,7 +157,7 @@ EXTENSIONS = {
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types", "msgspec"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
-BY_ALL = {"phalanx.theory", "phalanx.files"}  # types of arrays; files written whole
+BY_ALL = {"phalanx.theory", "phalanx.native.files"}  # types of arrays; files written whole
 APART = {"bench", "evidence"}
 PUBLIC = {"phalanx", "phalanx.extend", "phalanx.testing"}
 SHOWN = THEORY | rooms(
@@ -339,7 +337,7 @@ def test_a_program_reaches_few_lines(program, most):
 def test_random_numbers_come_from_one_room():
     drawing = re.compile(r"\b(np|numpy)\.random\b|^\s*(import|from) random\b", re.MULTILINE)
     found = {room_of(name) for name, file in modules() if drawing.search(file.read_text("utf-8"))}
-    assert found == {"phalanx.seeded"}
+    assert found == {"phalanx.network.draws"}
 
 
 def test_the_table_lists_every_folder_and_no_other():
@@ -454,14 +452,14 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx.cli.run", "from phalanx_plant.main import run"),
         ("phalanx.theory.rows.row", "from phalanx.theory.laws.law import View"),
         ("phalanx.theory.safety.chain", "from phalanx.scenario.model import Scenario"),
-        ("phalanx.theory.safety.chain", "from phalanx.seeded.draws import Draws"),
+        ("phalanx.theory.safety.chain", "from phalanx.network.draws import Draws"),
         ("phalanx.theory.safety.chain", "import pydantic"),
         ("phalanx.theory.safety.chain", "from ...wire import keys"),
         ("phalanx.theory.rows.qp", "def f():\n    import zenoh"),
         ("phalanx.scenario.model", "from phalanx.messages.kinds import Sample"),
         ("phalanx.scenario.model", "from phalanx.launcher import run"),
         ("phalanx.network.link", "from phalanx.recording.read import read"),
-        ("phalanx.seeded.draws", "import phalanx.network.link"),
+        ("phalanx.network.draws", "import phalanx.network.link"),
         ("phalanx.recording.read", "import zenoh"),
         ("phalanx_certify.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
         ("phalanx_certify.checker.certify", "from phalanx.recording.read import read"),
@@ -483,7 +481,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
         ("phalanx_agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
         ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
         ("phalanx.wire.session", "import zenoh"),
-        ("phalanx.swarm.swarm", "from phalanx.seeded.draws import SamplingClock"),
+        ("phalanx.swarm.swarm", "from phalanx.network.draws import SamplingClock"),
         ("phalanx.launcher.run", "from phalanx.messages.keys import Keys"),
     ],
 )

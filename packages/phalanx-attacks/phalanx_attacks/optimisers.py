@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from cmaes import CatCMAwM
 
-from phalanx.seeded.draws import Draws
+from phalanx.network.draws import Draws
 from phalanx_attacks.knobs import Point, Space
 
 _STALE = 8

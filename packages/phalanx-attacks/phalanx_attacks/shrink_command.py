@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from phalanx.cli.jobs import Job
-from phalanx.files import whole_file
 from phalanx.launcher.streams import echo, echo_error
+from phalanx.native.files import whole_file
 
 _ENGINES = ("in-process", "processes")
 

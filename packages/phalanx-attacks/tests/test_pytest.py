@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.pytest import failure
-from tests.unit.pytest.test_plugin import FAILING, run
+from phalanx.testing.pytest import failure
+from tests.unit.testing.test_plugin import FAILING, run
 
 pytest_plugins = ["pytester"]
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"

@@ -56,7 +56,7 @@ from phalanx_viewer.scene.ghosts import belief_shapes
 from phalanx_viewer.scene.model import Poses, SceneModel, rotations_to
 from phalanx_viewer.scene.picture import Kind, Shape, agent_shapes, static_shapes
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.recording.read import Recording
 from phalanx.scenario.model import to_json

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from phalanx.guarantee.verdict import Outcome
+from phalanx.network.draws import Draws
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels
-from phalanx.seeded.draws import Draws
 from phalanx.studies.page.groups import Group, in_percent
 from phalanx.studies.statistics import dkw_band
 from phalanx.theory.arrays import Array

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phalanx.network.draws import Seeds, Tables
 from phalanx.scenario.agents import Disturbance
-from phalanx.seeded.draws import Seeds, Tables
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phalanx.faults.fault import Occurrence, random_times
+from phalanx.network.draws import Tables
 from phalanx.scenario.load import load
-from phalanx.seeded.draws import Tables
 
 NAMES = ("1", "2", "3")
 

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from phalanx.faults.links import links_between, links_cut
-from phalanx.seeded.draws import Draws
+from phalanx.network.draws import Draws
 
 NAMES = [str(n) for n in range(1, 8)]
 LINKS = set(itertools.permutations(NAMES, 2))

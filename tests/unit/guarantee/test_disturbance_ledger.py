@@ -10,11 +10,11 @@ from phalanx_plant.world.disturbance import RandomDisturbance
 
 import phalanx
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
+from phalanx.network.draws import Draws
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import read, swarm_of
 from phalanx.schema.built_in import BUILT_IN
 from phalanx.schema.registry import lookup
-from phalanx.seeded.draws import Draws
 from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator

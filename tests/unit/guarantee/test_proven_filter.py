@@ -10,9 +10,9 @@ from phalanx_agent.controller import DistributedController
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.proven_filter import ProvenFilter
+from phalanx.network.draws import Draws
 from phalanx.scenario.load import load, read_table
 from phalanx.scenario.model import ScenarioError
-from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator

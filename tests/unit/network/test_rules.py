@@ -9,6 +9,7 @@ import pytest
 from phalanx.faults.links import Hold
 from phalanx.messages.keys import Keys
 from phalanx.messages.seal import Malformed, Sealer
+from phalanx.network.draws import Draws
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import (
     CORRUPT,
@@ -20,7 +21,6 @@ from phalanx.network.rule import (
     Message,
     delay,
 )
-from phalanx.seeded.draws import Draws
 from tests.unit.network.models import broadcast, inbox_of, model
 
 MANY = 20_000

@@ -9,7 +9,7 @@ import numpy as np
 from phalanx_plant.world.world import RungeKutta, Segment
 
 from phalanx.extend import WorldAgent, WorldStates
-from phalanx.seeded.draws import Draws
+from phalanx.network.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.world import Determinism
 

@@ -9,12 +9,12 @@ from pydantic import ValidationError
 
 from phalanx.faults.fault import AgentFacts, LinkEnds, RunFacts
 from phalanx.faults.links import Partition
+from phalanx.network.draws import Seeds
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.network.rule import DELIVER, DROP
 from phalanx.scenario.load import from_json, load
 from phalanx.scenario.model import ScenarioError, to_json
-from phalanx.seeded.draws import Seeds
 
 ALL = """
 [network]

@@ -7,9 +7,9 @@ import pytest
 from phalanx_agent.controller import DistributedController
 
 from phalanx.guarantee.check import check
+from phalanx.network.draws import Draws
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
-from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import polars as pl
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.recording.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table

@@ -31,8 +31,8 @@ def reproduce(
       phalanx reproduce paper
     """
     from phalanx.cli.display import spinner
-    from phalanx.paper.page import claims, write
-    from phalanx.paper.runs import finish
+    from phalanx.report.paper.page import claims, write
+    from phalanx.report.paper.runs import finish
     from phalanx.scenario.load import field_and_value
 
     with spinner("running") as show:

@@ -8,9 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from phalanx.cli.app import status
-from phalanx.paper.figures import FIGURES
-from phalanx.paper.page import claims
-from phalanx.paper.runs import CASES, Finished, finish
+from phalanx.report.paper.figures import FIGURES
+from phalanx.report.paper.page import claims
+from phalanx.report.paper.runs import CASES, Finished, finish
 from phalanx.report.style import ADVERSARY, NORMAL
 
 NUMBERS = list(range(1, 9))

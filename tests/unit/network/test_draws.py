@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
+from phalanx.network.draws import Draws, SamplingClock
 from phalanx.network.loss import Outside
 from phalanx.network.rule import AtLeast
-from phalanx.seeded.draws import Draws, SamplingClock
 
 indices = st.lists(st.integers(0, 5000), min_size=1, max_size=40)
 

@@ -174,7 +174,7 @@ def pytest_runtest_makereport(
     error = call.excinfo and call.excinfo.value
     failed = getattr(error, "run", runs[-1] if runs else None)
     if report.when == "call" and report.failed and failed and isinstance(item, pytest.Function):
-        from phalanx.pytest.failure import failure_lines
+        from phalanx.testing.pytest.failure import failure_lines
 
         lines, failed_claim = list[str](), isinstance(error, AssertionError)
         try:
@@ -192,7 +192,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         return None
     if file_path.parent not in parent.config.getini("phalanx_scenarios"):
         return None
-    from phalanx.pytest.regressions import RegressionFile
+    from phalanx.testing.pytest.regressions import RegressionFile
 
     collected: pytest.Collector = RegressionFile.from_parent(parent, path=file_path)
     return collected

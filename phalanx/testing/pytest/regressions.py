@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from phalanx.files import whole_file
+from phalanx.native.files import whole_file
 from phalanx.scenario.load import scenario_text
 from phalanx.testing import run
 

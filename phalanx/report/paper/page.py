@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from phalanx.paper.figures import FIGURES, PaperFigure
-from phalanx.paper.runs import RUNS_HEAD, Finished
 from phalanx.report.html import figure, quiet, save_page, section, table
+from phalanx.report.paper.figures import FIGURES, PaperFigure
+from phalanx.report.paper.runs import RUNS_HEAD, Finished
 from phalanx.report.style import image_of
 
 _ABOUT = (

@@ -28,7 +28,12 @@ def test_crossing(phalanx_run):
 def options(*others: str) -> list[str]:
     """Return the options of a session that loads the plugin, whether it is installed or not."""
     installed = any(entry.name == "phalanx" for entry in entry_points(group="pytest11"))
-    return [*([] if installed else ["-p", "phalanx.pytest.plugin"]), "-p", "no:timeout", *others]
+    return [
+        *([] if installed else ["-p", "phalanx.testing.pytest.plugin"]),
+        "-p",
+        "no:timeout",
+        *others,
+    ]
 
 
 def run(pytester: pytest.Pytester, test: str, *others: str) -> pytest.RunResult:
@@ -191,9 +196,10 @@ def sources(folder: Path, *others: str) -> dict[str, int]:
 @pytest.mark.slow
 def test_a_session_without_a_swarm_imports_less_than_a_hundredth_more(tmp_path):
     without = sources(tmp_path, "-p", "no:phalanx")
-    loaded = sources(tmp_path, "-p", "phalanx.pytest.plugin")
+    loaded = sources(tmp_path, "-p", "phalanx.testing.pytest.plugin")
     more = {name: size for name, size in loaded.items() if name not in without}
-    assert set(more) == {"phalanx", "phalanx.pytest", "phalanx.pytest.plugin"}
+    plugin = "phalanx.testing.pytest.plugin"
+    assert set(more) == {"phalanx", "phalanx.testing", "phalanx.testing.pytest", plugin}
     print(f"{len(more)} of {len(loaded)} modules, {sum(more.values())} of {sum(loaded.values())} B")
     assert sum(more.values()) < 0.01 * sum(without.values())
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.network.draws import Draws, SamplingClock, Seeds, Tables
 from phalanx.network.link import Link
 from phalanx.network.rule import AtLeast
-from phalanx.seeded.draws import Draws, SamplingClock, Seeds, Tables
 from tests.unit.network.models import model
 
 CHANGES = st.lists(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.files import real_folder, whole_file
+from phalanx.native.files import real_folder, whole_file
 
 ROOT = Path(__file__).parents[3]
 WRITING = {"write_text", "write_bytes", "write_csv", "write_parquet", "savefig", "save", "saving"}

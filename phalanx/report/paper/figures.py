@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from phalanx.paper.runs import Finished
 from phalanx.recording.curves.history import EMPTY_CODES, ReportHistory
+from phalanx.report.paper.runs import Finished
 from phalanx.report.paths import draw_scene
 from phalanx.report.safety import required_distance, safety
 from phalanx.report.steps import inputs

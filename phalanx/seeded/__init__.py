@@ -1,1 +1,0 @@
-"""Randomness: counter-based draws, each keyed by its purpose, and perturbed clocks."""
