@@ -17,7 +17,7 @@ from phalanx.recording.curves.series import LANE_STATES, lanes, zoom_window
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report import style
 from phalanx.theory.arrays import Array
-from phalanx.theory.rows.origin import OF_CONTROLLERS, OF_PROOFS, Origin
+from phalanx.theory.rows.origin import Origin
 
 _MOST_LINKS = 40
 _COLOURS = {
@@ -35,7 +35,7 @@ _MOST_LANES = 24
 _LANE, _MOST_HIGH = 0.34, 7.0
 """[inch]"""
 _DOTS = (
-    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, Origin.BRAKE, *OF_PROOFS, *OF_CONTROLLERS}),
+    ("#1f5fbf", "o", {*Origin} - {Origin.ATTACK, Origin.BACKUP, Origin.NO_AUTHORITY}),
     ("#8f0f2a", "o", {Origin.ATTACK}),
     (_COLOURS[Origin.BACKUP], "s", {Origin.BACKUP}),
     (_COLOURS[Origin.NO_AUTHORITY], "s", {Origin.NO_AUTHORITY}),
