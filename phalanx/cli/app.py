@@ -15,15 +15,7 @@ from phalanx.cli.run import run
 from phalanx.cli.runs import runs, scenarios, schema, verify
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
-from phalanx.schema.extensions import (
-    PACKAGES,
-    REINSTALL,
-    MissingExtensionError,
-    Registered,
-    commands,
-    extras_named,
-    missing,
-)
+from phalanx.schema import extensions
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
 _HELP = (
@@ -57,9 +49,9 @@ def core() -> typer.Typer:
 
 def extended() -> typer.Typer:
     """Make the command with the core's subcommands and those of extensions."""
-    app, entries = core(), commands()
+    app, entries = core(), extensions.commands()
     if not any(entry.ours for entry in entries):
-        echo_error(f"no commands of extensions are registered: {REINSTALL}")
+        echo_error(f"no commands of extensions are registered: {extensions.REINSTALL}")
     for entry in entries:
         try:
             _extend(app, entry)
@@ -69,7 +61,7 @@ def extended() -> typer.Typer:
     return app
 
 
-def _extend(app: typer.Typer, entry: Registered) -> None:
+def _extend(app: typer.Typer, entry: extensions.Registered) -> None:
     """Add an extension's commands to the app. Raises ValueError for a name that is taken."""
     if isinstance(entry.register, BaseException):
         raise entry.register
@@ -113,9 +105,10 @@ def status(arguments: list[str]) -> int:
         # The core's commands need not wait for extensions, and work if an extension is broken.
         if arguments[:1] != ["--version"] and not _has_command(app, arguments):
             app = extended()
-            if arguments[:1] and arguments[0] in PACKAGES and not _has_command(app, arguments):
-                raise missing(arguments[0])
-        with extras_named():
+            known = arguments[:1] and arguments[0] in extensions.PACKAGES
+            if known and not _has_command(app, arguments):
+                raise extensions.missing(arguments[0])
+        with extensions.extras_named():
             code = int(app(with_factor(arguments), standalone_mode=False) or 0)
         if code == STOPPED:
             interrupt.raise_pending()  # typer turned the KeyboardInterrupt into a status
@@ -133,7 +126,7 @@ def status(arguments: list[str]) -> int:
             raise
         echo_error(error)
         return expected
-    except MissingExtensionError as error:
+    except extensions.MissingExtensionError as error:
         echo_error(error)
         return FAILED
     except (MemoryError, ImportError, SystemError) as error:

@@ -5,28 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.option_checks import (
-    endpoint_for,
-    identity_for,
-    require_endpoint,
-    require_folder,
-    require_here,
-)
-from phalanx.cli.options import (
-    CommandSecret,
-    Connect,
-    Insecure,
-    KeysFolder,
-    Listen,
-    Overrides,
-    RealTimeFactor,
-    RunId,
-    ScenarioOption,
-    Secret,
-    Seed,
-    Speed,
-    Timeout,
-)
+from phalanx.cli import option_checks as checks
+from phalanx.cli import options
 
 if TYPE_CHECKING:
     from phalanx.messages.membership import Membership
@@ -34,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def plant(
-    scenario: ScenarioOption,
-    run: RunId,
-    listen: Listen = "tcp/127.0.0.1:7447",
+    scenario: options.ScenarioOption,
+    run: options.RunId,
+    listen: options.Listen = "tcp/127.0.0.1:7447",
     connect: Annotated[
         str | None,
         typer.Option(
             envvar="PHALANX_ROUTER",
-            callback=require_endpoint,
+            callback=checks.require_endpoint,
             help="Zenoh endpoint of a router to meet the agents at, in place of --listen.",
         ),
     ] = None,
@@ -49,18 +29,18 @@ def plant(
         Path,
         typer.Option(
             envvar="PHALANX_FOLDER",
-            callback=require_folder,
+            callback=checks.require_folder,
             help="The run's folder, for recording and summary; made if it is not there.",
         ),
     ] = Path("."),
-    seed: Seed = None,
-    overrides: Overrides = None,
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
-    command_secret: CommandSecret = "",
-    speed: Speed = None,
-    real_time: RealTimeFactor = None,
+    seed: options.Seed = None,
+    overrides: options.Overrides = None,
+    secret: options.Secret = "",
+    keys: options.KeysFolder = None,
+    insecure: options.Insecure = False,
+    command_secret: options.CommandSecret = "",
+    speed: options.Speed = None,
+    real_time: options.RealTimeFactor = None,
 ) -> int:
     """Run the plant alone: the world, the clock, the hub and the verdict.
 
@@ -76,7 +56,7 @@ def plant(
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed or 0.0)
     endpoint = connect or listen
-    identity = identity_for(keys, endpoint, insecure)
+    identity = checks.identity_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), PLANT, identity_folder=identity)
     options = {
         "folder": folder,
@@ -85,7 +65,7 @@ def plant(
         "real_time": real_time,
     }
     loaded = load(scenario, overrides or (), seed)
-    require_here(getattr(loaded.fresh_world(), "router", None), insecure, "--insecure")
+    checks.require_here(getattr(loaded.fresh_world(), "router", None), insecure, "--insecure")
     if (folder / RECORDING).exists():
         raise typer.BadParameter(f"--folder: expected one without a recording, got {folder}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -93,18 +73,18 @@ def plant(
 
 
 def agent(
-    scenario: ScenarioOption,
-    run: RunId,
+    scenario: options.ScenarioOption,
+    run: options.RunId,
     name: Annotated[
         str, typer.Argument(help="The name of the agent to run.", show_default=False)
     ] = "",
-    connect: Connect = "",
-    timeout: Timeout = 60.0,
-    seed: Seed = None,
-    overrides: Overrides = None,
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
+    connect: options.Connect = "",
+    timeout: options.Timeout = 60.0,
+    seed: options.Seed = None,
+    overrides: options.Overrides = None,
+    secret: options.Secret = "",
+    keys: options.KeysFolder = None,
+    insecure: options.Insecure = False,
 ) -> int:
     """Run one agent alone, normal or adversary by the scenario.
 
@@ -121,8 +101,8 @@ def agent(
     if name not in names:
         expected = f"expected one of {', '.join(names)}"
         raise typer.BadParameter(f"agent: {expected}, got {name or 'no name'}")
-    endpoint = endpoint_for(connect, keys)
-    identity = identity_for(keys, endpoint, insecure)
+    endpoint = checks.endpoint_for(connect, keys)
+    identity = checks.identity_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), name, timeout, identity)
     return _run_here(resolved, membership, {})
 

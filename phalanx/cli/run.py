@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.option_checks import require_endpoint, require_folder, require_here, require_port
-from phalanx.cli.options import (
-    Engine,
-    Insecure,
-    Overrides,
-    RealTimeFactor,
-    ScenarioArgument,
-    Secret,
-    Seed,
-    Speed,
-)
+from phalanx.cli import option_checks as checks
+from phalanx.cli import options
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 from phalanx.launcher.streams import echo, echo_error
@@ -27,11 +18,13 @@ from phalanx.schema.extensions import MissingExtensionError, extension
 if TYPE_CHECKING:
     from phalanx import Outcome, Run
 
-Out = Annotated[Path, typer.Option(callback=require_folder, help="Parent of the runs' folders.")]
+Out = Annotated[
+    Path, typer.Option(callback=checks.require_folder, help="Parent of the runs' folders.")
+]
 Listen = Annotated[
     str | None,
     typer.Option(
-        callback=require_endpoint,
+        callback=checks.require_endpoint,
         help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1.",
     ),
 ]
@@ -58,7 +51,7 @@ Commands = Annotated[
 Port = Annotated[
     int | None,
     typer.Option(
-        callback=require_port,
+        callback=checks.require_port,
         help="With --view: port of the page; by default 8080 or the next free one.",
     ),
 ]
@@ -66,20 +59,20 @@ Port = Annotated[
 
 def run(
     context: typer.Context,
-    scenario: ScenarioArgument,
-    seed: Seed = None,
-    overrides: Overrides = None,
-    engine: Engine = DEFAULT_ENGINE,
+    scenario: options.ScenarioArgument,
+    seed: options.Seed = None,
+    overrides: options.Overrides = None,
+    engine: options.Engine = DEFAULT_ENGINE,
     out: Out = Path("runs"),
-    real_time: RealTimeFactor = None,
+    real_time: options.RealTimeFactor = None,
     dry_run: DryRun = False,
     listen: Listen = None,
-    secret: Secret = "",
-    insecure: Insecure = False,
+    secret: options.Secret = "",
+    insecure: options.Insecure = False,
     report: Report = True,
     strict: Strict = False,
     view: View = False,
-    speed: Speed = None,
+    speed: options.Speed = None,
     commands: Commands = False,
     port: Port = None,
 ) -> int:
@@ -104,7 +97,7 @@ def run(
         if view or listen or secret or real_time or speed:
             names = "--view, --listen, --secret-file, --real-time or --speed"
             raise typer.BadParameter(f"--engine {engine}: expected no {names}")
-    require_here(listen, insecure, "--insecure; phalanx plant has --keys")
+    checks.require_here(listen, insecure, "--insecure; phalanx plant has --keys")
     # Under a limit of memory this process loads the libraries first, to report their failure.
     if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
         with contextlib.suppress(OSError):  # reported when the run begins
@@ -114,7 +107,7 @@ def run(
 
     ignore_closed_pipes()
     resolved = phalanx.load(scenario, overrides or (), seed)
-    require_here(getattr(resolved.fresh_world(), "router", None), insecure, "--insecure")
+    checks.require_here(getattr(resolved.fresh_world(), "router", None), insecure, "--insecure")
     if dry_run:
         if not hasattr(resolved.fresh_world(), "dry_run"):
             raise typer.BadParameter("--dry-run: expected a world of robots, such as ros2")

@@ -98,7 +98,7 @@ def test_a_package_that_breaks_when_it_registers_keeps_no_other_command_from_run
 
 
 def test_an_installation_without_our_own_extensions_is_said_to_be_incomplete(capsys, monkeypatch):
-    monkeypatch.setattr(app, "commands", list)
+    monkeypatch.setattr(app.extensions, "commands", list)
     assert status(["certify", "a"]) == 3
     assert "no commands of extensions are registered: " in capsys.readouterr().err
 
@@ -146,7 +146,7 @@ def test_an_extension_of_a_package_that_is_not_installed_says_which(monkeypatch)
 
 
 def test_a_command_of_a_package_that_is_not_installed_says_which(monkeypatch, capsys):
-    monkeypatch.setattr(app, "commands", list)
+    monkeypatch.setattr(app.extensions, "commands", list)
     assert status(["certify", "runs/x"]) == 3
     assert (
         "needs phalanx-certify: pip install ./packages/phalanx-certify" in capsys.readouterr().err

@@ -6,14 +6,10 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import polars as pl
 
 from phalanx.native.files import whole_file
-from phalanx.recording.metrics.table import metrics_table
 from phalanx.recording.read import Recording
-from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.schema.extensions import extension
-from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.plots.plots import content, script
 from phalanx_viewer.scene.legend import Mark
@@ -57,7 +53,10 @@ def run(
                 progress("messages")
                 extension("mcap")(recorded, model, path)
             case _:
-                written += _write_tables(recorded, model.swarm, path, kind)
+                # Tables need `lab`, a page does not.
+                from phalanx_viewer.export.tables import write_tables
+
+                written += write_tables(recorded, model.swarm, path, kind)
                 continue
         written.append(path)
     return written
@@ -116,25 +115,3 @@ def _chosen(replay: Replay) -> int | None:
         return None
     news = replay.radio.news
     return min(news, key=lambda i: (i not in replay.history.worst_pair, i))
-
-
-def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:
-    """Write every table as <folder>/<table>.<ending>; return the paths."""
-    tables = {
-        "states": states_table(recording, swarm),
-        "h": h_table(recording, swarm),
-        "inputs": inputs_table(recording, swarm),
-        "links": links_table(recording),
-        "events": events_table(recording),
-        "metrics": metrics_table(recording, swarm),
-    }
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = {folder / f"{name}.{ending}": table for name, table in tables.items()}
-    for path, table in paths.items():
-        with whole_file(path) as part:
-            if ending == "csv":
-                # Lists become one text each: CSV has none.
-                table.with_columns(pl.col(pl.List(pl.String)).list.join("; ")).write_csv(part)
-            else:
-                table.write_parquet(part)
-    return list(paths)

@@ -10,19 +10,7 @@ from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
 from phalanx.messages.frames import AgentStatus, Frame, LogLine
 from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
-from phalanx.recording.curves.history import (
-    BROADCAST,
-    EMPTY_CODES,
-    AgentSeries,
-    ConditionChange,
-    Fates,
-    History,
-    PairSeries,
-    agent_series,
-    pair_states,
-    series_width,
-    smallest_distance,
-)
+from phalanx.recording.curves import history
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_viewer.scene.legend import marks_in, marks_of
@@ -80,7 +68,7 @@ class _TimeSeries:
         return self._rows[: self._count]
 
 
-class LiveHistory(History):
+class LiveHistory(history.History):
     """The past in the frames that were added, and the agents' recent paths."""
 
     def __init__(self, model: SceneModel) -> None:
@@ -93,7 +81,7 @@ class LiveHistory(History):
         self._frames: list[Frame] = []
         self._added, self._every = 0, 1
         self._most_frames = 2 * (min(_MOST_FRAMES, _MOST_STATUSES // n) // 2)
-        self._scalars = series_width(0) - 1
+        self._scalars = history.series_width(0) - 1
         """Numbers of AgentSeries that each agent has after t, before its inputs."""
         plotted = [1, *(-1 if q.safe[0] is not None else 1 for q in QUANTITIES.values())]
         self._steps = _TimeSeries([1, *np.repeat(plotted, n), *np.zeros(2 * m, dtype=int)])
@@ -106,14 +94,14 @@ class LiveHistory(History):
         pairs = len(model.swarm.safe_set.pairs)
         self._pairs = _TimeSeries([1] * (1 + pairs))
         self._pairs_due = -np.inf
-        self._pairs_spacing = model.scenario.duration / pair_states(pairs, _PAIR_STATES)
+        self._pairs_spacing = model.scenario.duration / history.pair_states(pairs, _PAIR_STATES)
         self._late_or_lost = _TimeSeries([1] * (1 + 2 * n))
         """t; the number of links to each agent that were late since the row before, and lost."""
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
         self._empty = np.zeros((2, n))
         self._condition = [Condition.FINE] * n
-        self.broadcasts = np.recarray(0, BROADCAST)
-        self.conditions: list[ConditionChange] = []
+        self.broadcasts = np.recarray(0, history.BROADCAST)
+        self.conditions: list[history.ConditionChange] = []
         self.log: list[LogLine] = []
         self.marks = marks_of(model)
         """Marks of the scene that the run had so far."""
@@ -130,7 +118,7 @@ class LiveHistory(History):
         self._added += 1
         x = np.frombuffer(frame.x, dtype="<f8")
         positions = self._model.kinematics.poses(x).positions
-        distance = smallest_distance(self._model.swarm, positions)
+        distance = history.smallest_distance(self._model.swarm, positions)
         psi = self._model.values.higher_psi(x)
         # Between two frames h may have been larger than at both.
         h = frame.worst_h if frame.worst_h > self._worst else frame.h
@@ -157,9 +145,8 @@ class LiveHistory(History):
         # step since the frame before; that is plotted at the later frame.
         empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
         more = empty > self._empty
-        codes = np.where(
-            more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
-        )
+        code = history.EMPTY_CODES
+        codes = np.where(more[1], code[Origin.NO_AUTHORITY], code[Origin.BACKUP] * more[0])
         steps = [a.step or none for a, none in zip(agents, self._no_steps, strict=True)]
         # NumPy makes NaN of None.
         numbers = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
@@ -179,7 +166,7 @@ class LiveHistory(History):
         for i, status in enumerate(frame.agents):
             if status.condition != self._condition[i]:
                 self._condition[i] = status.condition
-                self.conditions.append(ConditionChange(frame.t, i, status.condition))
+                self.conditions.append(history.ConditionChange(frame.t, i, status.condition))
 
     def frame_at(self, t: float, step: int = 0) -> Frame | None:
         """The last frame not after t [s], or so many frames later; None: the present."""
@@ -199,21 +186,21 @@ class LiveHistory(History):
         return self._totals.rows
 
     @property
-    def pairs(self) -> PairSeries:
+    def pairs(self) -> history.PairSeries:
         rows = self._pairs.rows
-        return PairSeries(rows[:, 0], rows[:, 1:])
+        return history.PairSeries(rows[:, 0], rows[:, 1:])
 
     @property
-    def fates(self) -> Fates:
+    def fates(self) -> history.Fates:
         rows, n = self._late_or_lost.rows, len(self._links_to)
         t, receiver = np.repeat(rows[:, 0], n), np.tile(np.arange(n, dtype=float), len(rows))
         late, lost = rows[:, 1 : 1 + n].ravel(), rows[:, 1 + n :].ravel()
-        return Fates(t, receiver, np.tile(self._links_to, len(rows)), late, lost)
+        return history.Fates(t, receiver, np.tile(self._links_to, len(rows)), late, lost)
 
-    def agent(self, i: int) -> AgentSeries:
+    def agent(self, i: int) -> history.AgentSeries:
         inputs = self._model.kinematics.inputs
         n, m, part = len(inputs), inputs[-1].stop, inputs[i]
         u = 1 + self._scalars * n + np.arange(part.start, part.stop)
         columns = [0, *(1 + k * n + i for k in range(self._scalars)), *u, *(u + m)]
         rows = self._steps.rows[:, columns]
-        return agent_series(rows[~np.isnan(rows[:, series_width(0)])])
+        return history.agent_series(rows[~np.isnan(rows[:, history.series_width(0)])])

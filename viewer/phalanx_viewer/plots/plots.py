@@ -14,15 +14,8 @@ import numpy as np
 from phalanx.faults.commands import Condition
 from phalanx.messages.frames import Frame
 from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
+from phalanx.recording.curves import history
 from phalanx.recording.curves.beliefs import braking_values
-from phalanx.recording.curves.history import (
-    EMPTY_CODES,
-    FATES,
-    AgentSeries,
-    ConditionChange,
-    RecordedHistory,
-    smallest_distance,
-)
 from phalanx.recording.curves.series import (
     Series,
     envelope,
@@ -220,7 +213,7 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
     """Values of the bold curves at a frame, by plot: the curves themselves are thinned."""
     model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
     values: dict[str, float | None] = {_H_TOT: frame.h_tot, _WORST_PAIRS: model.values.h(pair, x)}
-    values[_DISTANCE] = smallest_distance(model.swarm, model.kinematics.poses(x).positions)
+    values[_DISTANCE] = history.smallest_distance(model.swarm, model.kinematics.poses(x).positions)
     psi = map(_PSI.format, model.values.psi_levels)
     values |= zip(psi, model.values.higher_psi(x).tolist(), strict=True)
     if status.step is None:
@@ -312,7 +305,7 @@ class _Plots:
     def _braking(self) -> list[Plot]:
         """Plot V, which own parts keep below 0, of the pairs by radio that came nearest to that."""
         past, swarm = self._past, self._model.swarm
-        if not (isinstance(past, RecordedHistory) and swarm.by_radio):
+        if not (isinstance(past, history.RecordedHistory) and swarm.by_radio):
             return []
         t = past.pairs.t
         names, V = braking_values(swarm, past.x[np.searchsorted(past.times, t)])
@@ -367,7 +360,7 @@ class _Plots:
         title = "Late, lost, false; backup, silence"
         return [Plot(title, "", [], lanes=diagram, zoom=self._zoom(steps))]
 
-    def _zoom(self, steps: Sequence[AgentSeries]) -> Zoom:
+    def _zoom(self, steps: Sequence[history.AgentSeries]) -> Zoom:
         """Plot the worst moment; with many agents, the chosen one's broadcasts alone."""
         only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
         worst = float(rows[np.argmax(rows[:, 2]), 0])
@@ -375,7 +368,7 @@ class _Plots:
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]), every_nth)
         every = self._past.broadcasts
         broadcasts = [
-            (sender, t, receiver, arrival, FALSE if false else FATES[fate])
+            (sender, t, receiver, arrival, FALSE if false else history.FATES[fate])
             for sender, receiver, t, arrival, fate, false in every[
                 (begin <= every.sent) & (every.sent <= end)
             ].tolist()
@@ -424,14 +417,14 @@ def numbers(values: Array, digits: int) -> list[float]:
     return rounded
 
 
-def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
+def _marks(feed: Feed, steps: Iterable[history.AgentSeries]) -> list[Mark]:
     """Mark the worst moment, the first backup, violations, faults and every line of the log."""
     rows, names = feed.history.totals, feed.model.names
     if not len(rows):
         return []
     worst = rows[int(np.argmax(rows[:, 2]))]
     marks = [Mark(float(worst[0]), f"worst moment, h = {worst[2]:.4g}", "worst")]
-    backups = [s.t[s.empty == EMPTY_CODES[Origin.BACKUP]] for s in steps]
+    backups = [s.t[s.empty == history.EMPTY_CODES[Origin.BACKUP]] for s in steps]
     if first := [float(t[0]) for t in backups if len(t)]:
         marks.append(Mark(min(first), "first backup", "backup"))
     marks += [Mark(v.first, f"{v.pair}: violated", "violation") for v in feed.violations]
@@ -440,10 +433,10 @@ def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
     return marks + [Mark(line.t, line.text) for line in feed.log]
 
 
-def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
+def empty_periods(agent: int, steps: history.AgentSeries) -> list[Period]:
     """Periods from a step with empty K_i until the next step without."""
     periods = []
-    for kind, value in EMPTY_CODES.items():
+    for kind, value in history.EMPTY_CODES.items():
         mask = np.concatenate([[False], steps.empty == value, [False]])
         edges = np.flatnonzero(np.diff(mask.astype(int)))
         last = len(steps.t) - 1
@@ -453,7 +446,7 @@ def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
     return periods
 
 
-def fault_periods(changes: Sequence[ConditionChange], end: float) -> list[Period]:
+def fault_periods(changes: Sequence[history.ConditionChange], end: float) -> list[Period]:
     """Periods from each change of condition to the agent's next, or to the end [s]."""
     periods = []
     for k, change in enumerate(changes):
