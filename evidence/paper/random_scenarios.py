@@ -23,7 +23,7 @@ from phalanx_certify.checker.certify import Certification, certify
 from phalanx_certify.checker.intervals import UncertifiableError
 from phalanx_plant import run as plant_run
 from phalanx_plant.judge.judge import Judge, Judged
-from phalanx_plant.world.events import StateReached
+from phalanx_plant.world.events import Event, StateReached
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -265,7 +265,14 @@ class WatchingJudge(Judge):
         """(t, pair, h) with h > 0 while certified."""
         WatchingJudge.latest = self
 
-    def _reached(self, event: StateReached, number: int) -> Judged:
+    def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
+        """Judge the next events one by one."""
+        for event in events:
+            if isinstance(event, StateReached):
+                self._compare(event)
+            super().judge([event], judged)
+
+    def _compare(self, event: StateReached) -> None:
         # The certificates in force until then.
         for steps in self.evaluation.of([event.history]):
             certified = self.coverage.ends[steps.pairs] >= steps.times[:, None]
@@ -273,7 +280,6 @@ class WatchingJudge(Judge):
             for step, column in np.argwhere(certified & ~(steps.h <= 0.0)):
                 at, h = float(steps.times[step]), float(steps.h[step, column])
                 self.wrong.append((at, self.extremes.label(int(steps.pairs[column])), h))
-        return super()._reached(event, number)
 
 
 @dataclass

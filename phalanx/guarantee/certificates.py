@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
@@ -29,19 +28,6 @@ _MOST_CHOSEN = 16
 """Sets of an agent's pairs that are kept, grouped by kind."""
 
 
-class HeldInput(NamedTuple):
-    """An input that a normal agent holds from now on."""
-
-    agent: "AgentCertificates"
-    x: Array
-    """The true stacked state now, shape (n̄,)."""
-    u: Array
-    """shape (m_i,)"""
-    near: Mask | None = None
-    """True for the agent's pairs that may become unsafe within the longest horizon, shape (p,);
-    None if that is not known."""
-
-
 class _Kind(NamedTuple):
     """Functions shared by pairs with the same expressions and bounds."""
 
@@ -53,6 +39,13 @@ class _Kind(NamedTuple):
     """(x and the obstacle's numbers) -> lower bound of h now. It is cheaper still."""
     sizes: list[int]
     """Number of variables of each side."""
+    inputs: int
+    """m_i of the agent."""
+
+    @property
+    def longest(self) -> float:
+        """The longest horizon: the result for pairs that stay safe for longer [s]."""
+        return self.certificate.horizons[0]
 
 
 class SwarmCertificates:
@@ -65,6 +58,12 @@ class SwarmCertificates:
         self.kinds: list[_Kind] = []
         """In the order of first use."""
         self._number: dict[tuple[int, int], int] = {}
+        width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
+        # Rows that no agent has filled take no memory.
+        self._kind_of = np.zeros(2 * len(self.ends), dtype=np.intp)
+        """Number of the kind of each side of each pair, 2 pair + side; shape (2 p,)."""
+        self._variables = np.zeros((2 * len(self.ends), width), dtype=np.intp)
+        """Indices of their variables, padded with zeros, shape (2 p, n)."""
 
     def of(self, i: int) -> "AgentCertificates":
         """Return the certificates of normal agent i."""
@@ -82,40 +81,39 @@ class SwarmCertificates:
             self.kinds.append(self._compiled(pair, side))
         return self._number[key]
 
-    def proven(self, inputs: Sequence[HeldInput]) -> list[Array]:
-        """Return for each input the times for which its agent's pairs are proven safe [s].
+    def add(self, sides: Index, kind: int, variables: Index) -> None:
+        """Enter sides of one kind, shape (r,), with the indices of their variables, (r, n)."""
+        self._kind_of[sides], self._variables[sides, : variables.shape[1]] = kind, variables
 
-        Inputs at different times are evaluated in one call, since a call has a large overhead.
+    def proven(self, sides: Index, inputs: Index, x: Array, u: Array) -> Array:
+        """Return for how long pairs are proven safe while inputs are held [s], shape (q,).
+
+        All in one call, since a call has a large overhead.
+
+        Args:
+            sides: of the pairs, 2 pair + side of the agent that holds the input, shape (q,).
+            inputs: the row of each in x and u, shape (q,).
+            x: true stacked states, shape (r, n̄).
+            u: inputs that are held from then on, padded, shape (r, m).
         """
-        numbers = self.pairs.numbers(np.stack([item.x for item in inputs]))
-        agents = [item.agent for item in inputs]
-        # A row for each pair to look at: its input, pair, kind and variables.
-        chosen = [
-            np.arange(len(agent.pairs)) if near is None else near.nonzero()[0]
-            for agent, _, _, near in inputs
-        ]
-        of = np.repeat(np.arange(len(inputs)), [len(part) for part in chosen])
-        pairs = np.concatenate(chosen)
-        by_agent = list(zip(agents, chosen, strict=True))
-        kinds = np.concatenate([agent.kinds[part] for agent, part in by_agent])
-        variables = np.concatenate([agent.variables[part] for agent, part in by_agent])
-        variables += of[:, None] * numbers.shape[1]
-        ends = np.cumsum([0, *[len(agent.pairs) for agent in agents]])
-        times = np.repeat([agent.longest for agent in agents], np.diff(ends))
+        numbers = self.pairs.numbers(x)
+        values, width = numbers.ravel(), numbers.shape[1]
+        kinds, times = self._kind_of[sides], np.empty(len(sides))
         for number in np.unique(kinds).tolist():
             kind, rows = self.kinds[number], np.flatnonzero(kinds == number)
-            indices = variables[rows, : sum(kind.sizes)]
+            times[rows] = kind.longest
+            indices = self._variables[sides[rows], : sum(kind.sizes)]
+            indices += inputs[rows, None] * width
             # Most pairs are too far apart to meet.
-            may_meet = ~(kind.highest(numbers.ravel(), indices)[:, 0] <= 0.0)
+            may_meet = ~(kind.highest(values, indices)[:, 0] <= 0.0)
             rows, indices = rows[may_meet], indices[may_meet]
             if len(rows):
-                u = np.stack([inputs[k].u for k in of[rows].tolist()])
                 # Of an unsafe pair nothing can be proven.
-                safe = ~(kind.least(numbers.ravel(), indices)[:, 0] > 0.0)
-                proven = kind.certificate.times(numbers.ravel()[indices[safe]], u[safe])
-                near = ends[of[rows]] + pairs[rows]
-                times[near], times[near[safe]] = 0.0, proven
-        return [times[begin:end] for begin, end in pairwise(ends.tolist())]
+                safe = ~(kind.least(values, indices)[:, 0] > 0.0)
+                times[rows] = 0.0
+                rows, held = rows[safe], u[inputs[rows[safe]], : kind.inputs]
+                times[rows] = kind.certificate.times(values[indices[safe]], held)
+        return times
 
     def _compiled(self, pair: int, side: int) -> _Kind:
         """Compile a pair's kind, or take that of a view of the same swarm."""
@@ -134,7 +132,8 @@ class SwarmCertificates:
                 MappedFunction([alone.x, alone.parameters], results)
                 for results in (highest, [least_now(alone)])
             )
-            return _Kind(certificate, above, below, alone.sizes)
+            inputs = len(alone.members[side].dynamics.inputs)
+            return _Kind(certificate, above, below, alone.sizes, inputs)
 
         def of_process() -> _Kind:
             # Another run of this process may have had such a pair.
@@ -187,6 +186,8 @@ class AgentCertificates:
         """The longest horizon: the result for pairs that stay safe for longer [s]."""
         self.sides: Index = (swarm.ends[mine, 0] != i).astype(np.intp)
         """Agent i's side of each pair, 0 or 1, shape (p,)."""
+        self.every_side: Index = 2 * mine + self.sides
+        """Their numbers among the sides of all pairs, shape (p,)."""
         self.others: Index = swarm.ends[mine, 1 - self.sides]
         """The other member of each pair, or N + k for obstacle k; shape (p,)."""
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
@@ -196,9 +197,6 @@ class AgentCertificates:
         self._groups: list[_Group] = []
         self._chosen: dict[bytes, list[tuple[_Group, MappedRows]]] = {}
         """Pairs that `near` was asked for lately, by kind: mostly the same few sets."""
-        width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
-        self.variables: Index = np.zeros((len(mine), width), dtype=np.intp)
-        """Indices of each pair's variables, shape (p, n), padded with zeros."""
         sorts = 2 * swarm.swarm.pair_sorts[mine] + self.sides
         for sort in np.unique(sorts).tolist():
             pairs = np.flatnonzero(sorts == sort)
@@ -207,7 +205,7 @@ class AgentCertificates:
             indices = spread(swarm.pairs.begin, swarm.ends[mine[pairs]], kind.sizes)
             self._groups.append(_Group(kind, pairs, indices))
             self.kinds[pairs] = number
-            self.variables[pairs, : indices.shape[1]] = indices
+            swarm.add(self.every_side[pairs], number, indices)
             self.provable[pairs] = kind.certificate.proven is not None
 
     @property
@@ -268,8 +266,15 @@ class AgentCertificates:
         return times
 
     def __call__(self, x: Array, u: Array, near: Mask | None = None) -> Array:
-        """Return the time for which each pair is proven safe with one input [s]."""
-        (times,) = self._swarm.proven([HeldInput(self, x, u, near)])
+        """Return the time for which each pair is proven safe with one input [s], shape (p,).
+
+        near: the pairs that may become unsafe within the longest horizon, None if not known.
+        """
+        looked_at = np.full(len(self.pairs), True) if near is None else near
+        times = np.full(len(self.pairs), self.longest)
+        sides = self.every_side[looked_at]
+        none = np.zeros(len(sides), dtype=np.intp)
+        times[looked_at] = self._swarm.proven(sides, none, x[None], u[None])
         return times
 
 

@@ -44,7 +44,7 @@ class ReachableBoxes:
         self._lasting = _LASTING * tau
         self._until = -np.inf
         axes, count = scenario.agents[0].axes, len(members) + len(scenario.static)
-        self._members, self._axes = len(members), axes
+        self._axes = axes
         self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
         self._reach = np.full(count, function.reach(0.0))
         for k, obstacle in enumerate(scenario.static, start=len(members)):
@@ -61,29 +61,34 @@ class ReachableBoxes:
             box = swarm.functions.get(("reachable box", number, horizon), compiled)
             self._groups.append(_Group(agents, states, box))
 
-    def near(self, i: int, others: Index, t: float, x: Array) -> Mask:
-        """Return which others agent i may meet within a certificate's longest horizon, shape (r,).
+    def near(self, i: Index, others: Index, inputs: Index, t: Array, x: Array) -> Mask:
+        """Return which pairs may meet within a certificate's longest horizon, shape (q,).
 
-        others: members, or N + k for obstacle k, shape (r,). t: now [s], not before the last call.
-        x: the true stacked state, shape (n̄,).
+        Args:
+            i: their agents, shape (q,).
+            others: members, or N + k for obstacle k, shape (q,).
+            inputs: the row of each in t and x, shape (q,).
+            t: times [s], in order, and not before those of the last call; shape (r,).
+            x: true stacked states then, shape (r, n̄).
         """
-        if t > self._until:
-            self._until = t + self._lasting
-            for group in self._groups:
-                if group.box is not None:
-                    box = group.box(x, group.states)
-                    self._low[group.members] = box[:, : self._axes]
-                    self._high[group.members] = box[:, self._axes :]
-            self._near = self._pairwise()
-        near: Mask = self._near[i, others]
-        return near
-
-    def _pairwise(self) -> Mask:
-        """Return whether each member may meet each other one or obstacle, shape (N, N + K)."""
-        low, high = self._low[: self._members, None], self._high[: self._members, None]
-        gap = np.maximum(0.0, np.maximum(self._low - high, low - self._high))
+        renewed, boxes = list[int](), list[int]()
+        for row, now in enumerate(t.tolist()):
+            if now > self._until:
+                self._until = now + self._lasting
+                renewed.append(row)
+            boxes.append(len(renewed))
+        low, high = (np.tile(ends, (1 + len(renewed), 1, 1)) for ends in (self._low, self._high))
+        for group in self._groups if renewed else ():
+            if group.box is not None:
+                box = group.box(x[renewed], group.states)
+                low[1:, group.members] = box[..., : self._axes]
+                high[1:, group.members] = box[..., self._axes :]
+        self._low, self._high = low[-1], high[-1]
+        of = np.array(boxes, dtype=np.intp)[inputs]
+        apart = np.maximum(low[of, others] - high[of, i], low[of, i] - high[of, others])
+        gap, reach = np.maximum(0.0, apart), self._reach[others]
         # NaN counts as near.
-        near: Mask = ~(dot(gap, gap) > self._reach * self._reach)
+        near: Mask = ~(dot(gap, gap) > reach * reach)
         return near
 
 

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from phalanx.schema.notebook import html_table
+from phalanx.theory.arrays import Array, Mask
 from phalanx.theory.rows.origin import origin_label
 
 
@@ -92,13 +93,13 @@ class Assumption(msgspec.Struct):
             self.failed += 1
             self.first = t if self.first is None else self.first
 
-    def check_each(self, holds: Sequence[bool], times: Sequence[float]) -> None:
-        """Count a check at each of several times [s]."""
-        if all(holds):
-            self.checked += len(holds)
-            return
-        for outcome, t in zip(holds, times, strict=True):
-            self.check(outcome, t)
+    def check_each(self, holds: Mask, times: Array) -> None:
+        """Count a check at each of several times [s], shapes (n,)."""
+        self.checked += len(holds)
+        failed = np.flatnonzero(~holds)
+        self.failed += len(failed)
+        if len(failed) and self.first is None:
+            self.first = float(times[failed[0]])
 
 
 class CertificateSummary(msgspec.Struct):

@@ -5,7 +5,7 @@ and writes each deadlock into the recording; with other limits a recording is wa
 """
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 
 from phalanx.guarantee.verdict import Deadlock
-from phalanx.messages.step_report import AppliedStep
+from phalanx.recording.columns import Inputs, States, last_before
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.rows.qp import NearestInput
 
 STILL = 0.25
@@ -36,43 +36,60 @@ def usual_patience(duration: float) -> float:
     return min(5.0, 0.2 * duration)
 
 
-class HeldWishes:
-    """One agent's wishes to move, and for how long its rows have not let it."""
+class Wishes:
+    """Agents' wishes to move, and whether their rows let them."""
 
-    def __init__(self, swarm: Swarm, i: int) -> None:
-        dynamics = swarm.members[i].dynamics
-        x = ca.SX.sym("x", len(dynamics.states))
-        self._inputs = constant_polytope(*dynamics.input_polytope(x))
-        self._nearest = NearestInput(dynamics.input_metric())
-        self._largest = 0.0
-        """Size of its largest input; of one so far where U depends on the state."""
-        if self._inputs is not None:
-            self._largest = float(length(self._inputs.corners).max())
-        self._lasts, self._since = _LASTS * swarm.horizon(i), -np.inf
-        self._seconds = 0.0
-        """Until its last input."""
-        self.binding: tuple[int, ...] = ()
-        """Whose rows hold it; as in a StepReport."""
-        self.held = False
+    def __init__(self, swarm: Swarm) -> None:
+        dynamics = [m.dynamics for m in swarm.members]
+        # Agents with the same dynamics have the same inputs.
+        self._first = [[id(d) for d in dynamics].index(id(d)) for d in dynamics]
+        self._inputs, self._nearest = dict[int, Polytope | None](), dict[int, NearestInput]()
+        self._sizes = [len(d.inputs) for d in dynamics]
+        self._largest = np.zeros(len(dynamics))
+        """Size of each agent's largest input; of one so far where U depends on the state."""
+        for i in {*self._first}:
+            x = ca.SX.sym("x", len(dynamics[i].states))
+            inputs = self._inputs[i] = constant_polytope(*dynamics[i].input_polytope(x))
+            self._nearest[i] = NearestInput(dynamics[i].input_metric())
+            if inputs is not None:
+                same = [l for l, first in enumerate(self._first) if first == i]
+                self._largest[same] = float(length(inputs.corners).max())
 
-    def seconds(self, t: float) -> float:
-        """Return for how long it was held until t [s]."""
-        return self._seconds + (min(t - self._since, self._lasts) if self.held else 0.0)
+    def held(self, i: Index, u: Array, u_nom: Array) -> Mask:
+        """Return whether the nearest input to each wish is one to move, and another than u.
 
-    def applied(self, t: float, step: AppliedStep) -> None:
-        """Take the input that is in force from t on [s]."""
-        self._seconds, self._since = self.seconds(t), t
-        self.held = step.u_nom != step.u and self._holds(np.array(step.u), np.array(step.u_nom))
-        self.binding = step.binding if self.held else ()
+        i: agents, shape (r,). u, u_nom: inputs and wishes, NaN if not known, padded, (r, m).
+        """
+        held: Mask = (u != u_nom).any(axis=1) & ~np.isnan(u_nom).any(axis=1)
+        some = np.flatnonzero(held)
+        group = np.array(self._first)[i[some]]
+        for first in np.unique(group).tolist():
+            rows = some[group == first]
+            held[rows] = self._hold(first, i[rows], u[rows], u_nom[rows])
+        return held
 
-    def _holds(self, u: Array, wish: Array) -> bool:
-        """True if the nearest input to the wish is one to move, and another than u."""
-        if self._inputs is None:
-            self._largest = max(self._largest, float(length(u)))
+    def _hold(self, first: int, i: Index, u: Array, wishes: Array) -> Mask:
+        """The same of agents with one dynamics."""
+        inputs, size = self._inputs[first], self._sizes[first]
+        u, wishes = u[:, :size], wishes[:, :size]
+        if inputs is None:
+            largest = np.array(
+                [self._grown(*each) for each in zip(i.tolist(), length(u).tolist(), strict=True)]
+            )
         else:
-            within = self._nearest.solve(wish, self._inputs) if wish.size else None
-            wish = u if within is None else within
-        return min(float(length(wish)), float(length(u - wish))) > _WISHES * self._largest
+            largest, solve = self._largest[i], self._nearest[first].solve
+            if inputs.box is None:
+                near = [solve(wish, inputs) for wish in wishes]
+                wishes = np.array([u[n] if v is None else v for n, v in enumerate(near)])
+            else:
+                wishes = inputs.box.nearest(wishes)
+        held: Mask = np.minimum(length(wishes), length(u - wishes)) > _WISHES * largest
+        return held
+
+    def _grown(self, i: int, size: float) -> float:
+        """Return the size of agent i's largest input so far, this one among them."""
+        self._largest[i] = max(self._largest[i], size)
+        return float(self._largest[i])
 
 
 class _Sample(NamedTuple):
@@ -96,27 +113,73 @@ class DeadlockWatch:
         """still: [m]. patience: [s]; by default as usual for the scenario's duration."""
         self._swarm, self._still = swarm, still
         self._patience = patience or usual_patience(swarm.scenario.duration)
-        self._wishes = {i: HeldWishes(swarm, i) for i in swarm.normal}
+        self._wishes, count = Wishes(swarm), len(swarm.names)
+        self._normal: Mask = np.isin(np.arange(count), swarm.normal)
+        self._lasts = np.array([_LASTS * swarm.horizon(i) for i in range(count)])
+        self._held: Mask = np.zeros(count, dtype=bool)
+        """Whether each agent's last wish was held, shape (N,)."""
+        self._since, self._seconds = np.full(count, -np.inf), np.zeros(count)
+        """Times of last inputs [s], and for how long each agent was held until then [s]; (N,)."""
+        self._binding: list[tuple[int, ...]] = [() for _ in swarm.names]
+        """Whose rows hold each agent, if it is held; as in a StepReport."""
         self._samples, self._due = deque[_Sample](), -np.inf
         self.deadlocks: list[Deadlock] = []
         """All so far, by when they were found."""
         self._last: dict[int, Deadlock] = {}
 
-    def applied(self, i: int, t: float, step: AppliedStep) -> None:
-        """Take the input that agent i applies from t on [s]."""
-        if (wishes := self._wishes.get(i)) is not None:
-            wishes.applied(t, step)
+    def add(self, states: States, inputs: Inputs) -> list[tuple[int, str]]:
+        """Take the next states and inputs.
 
-    def reached(self, t: float, x: Array) -> list[Deadlock]:
+        Returns new deadlocks in words, each with the row of the state that shows it.
+        """
+        rows = np.flatnonzero(self._normal[inputs.i] & ~inputs.lost)
+        i, t, number = inputs.i[rows], inputs.t_apply[rows], inputs.number[rows]
+        held = self._wishes.held(i, inputs.u[rows], inputs.u_nom[rows])
+        # A wish that was held counts until the agent's next input.
+        before = last_before(i, number, i, number)
+        was_held = np.where(before >= 0, held[before], self._held[i])
+        since = np.where(before >= 0, t[before], self._since[i])
+        seconds = np.where(was_held, np.minimum(t - since, self._lasts[i]), 0.0)
+        words, first = list[tuple[int, str]](), 0
+        for state in self._due_states(states.t.tolist()):
+            last = int(np.searchsorted(number, states.number[state]))
+            some, first = slice(first, last), last
+            self._take(i[some], t[some], held[some], seconds[some], rows[some], inputs)
+            now, x = float(states.t[state]), states.x[state]
+            words += [(state, str(deadlock)) for deadlock in self._reached(now, x)]
+        some = slice(first, None)
+        self._take(i[some], t[some], held[some], seconds[some], rows[some], inputs)
+        return words
+
+    def _due_states(self, times: Sequence[float]) -> list[int]:
+        """Return the states, at these times [s], at which all agents are looked at."""
+        due = list[int]()
+        for row, t in enumerate(times):
+            if t >= self._due:
+                self._due = t + self._patience / _SAMPLES
+                due.append(row)
+        return due
+
+    def _take(
+        self, i: Index, t: Array, held: Mask, seconds: Array, rows: Index, inputs: Inputs
+    ) -> None:
+        """Take inputs, by which their agents were held for so much longer [s], shapes (r,)."""
+        np.add.at(self._seconds, i, seconds)
+        self._since[i], self._held[i] = t, held
+        for agent, row in dict(zip(i.tolist(), rows.tolist(), strict=True)).items():
+            if self._held[agent]:
+                begin = inputs.bindings[row - 1] if row else 0
+                self._binding[agent] = tuple(inputs.binding[begin : inputs.bindings[row]].tolist())
+
+    def held_for(self, t: float) -> Array:
+        """Return for how long each agent was held until t [s], shape (N,); 0 of an adversary."""
+        lasting = np.where(self._held, np.minimum(t - self._since, self._lasts), 0.0)
+        return self._seconds + lasting
+
+    def _reached(self, t: float, x: Array) -> list[Deadlock]:
         """Take the stacked state x at t [s], shape (n̄,), and return the deadlocks that it shows."""
-        if t < self._due:
-            return []
-        swarm, samples = self._swarm, self._samples
-        self._due = t + self._patience / _SAMPLES
-        held = np.zeros(len(swarm.names))
-        for i, wishes in self._wishes.items():
-            held[i] = wishes.seconds(t)
-        binding = {i: wishes.binding for i, wishes in self._wishes.items()}
+        swarm, samples, held = self._swarm, self._samples, self.held_for(t)
+        binding = {i: self._binding[i] if self._held[i] else () for i in swarm.normal}
         samples.append(_Sample(t, swarm.positions(x), held, binding))
         while len(samples) > 1 and samples[1].t <= t - self._patience:
             samples.popleft()

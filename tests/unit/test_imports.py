@@ -120,15 +120,15 @@ BUDGET: Mapping[str, int] = {
     "cli": 1475,
     "explain": 810,
     "faults": 1030,
-    "guarantee": 2940,
+    "guarantee": 2950,
     "knowledge": 1685,
     "launcher": 2320,
     "messages": 915,
     "native": 330,
     "network": 1585,
-    "plant": 5365,
+    "plant": 5690,
     "promise": 550,
-    "recording": 2325,
+    "recording": 2560,
     "report": 2310,
     "scenario": 1680,
     "schema": 960,
@@ -325,7 +325,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_450), ("phalanx.launcher.simulation", 22_430)]
+    ("program", "most"), [("phalanx_agent.main", 15_450), ("phalanx.launcher.simulation", 22_900)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

@@ -4,7 +4,6 @@ Positions are output points at the recorded times t, shape (s, d); between them 
 straight. An input counts from the instant it is applied until the agent's next one.
 """
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.guarantee.verdict import Deadlock
+from phalanx.recording.columns import States, indices, inputs_of
 from phalanx.recording.deadlock import STILL, DeadlockWatch
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
@@ -116,12 +116,19 @@ def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL
     recorded = recording.summary.deadlocks if recording.summary else None
     if recorded is not None and limits.of_deadlocks == _USUAL.of_deadlocks:
         return recorded
-    watch, steps = DeadlockWatch(swarm, *limits.of_deadlocks), deque(recording.steps)
-    for state in recording.states:
-        while steps and steps[0].t_apply < state.t:
-            step = steps.popleft()
-            watch.applied(swarm.names.index(step.agent), step.t_apply, step)
-        watch.reached(state.t, np.array(state.x))
+    watch, steps = DeadlockWatch(swarm, *limits.of_deadlocks), recording.steps
+    t, at = recording.times, np.array([step.t_apply for step in steps])
+    # An input at the time of a state comes after it, as do those recorded later.
+    before = np.searchsorted(np.maximum.accumulate(at), t)
+    after = np.searchsorted(before, np.arange(len(steps)), side="right")
+    index = {name: i for i, name in enumerate(swarm.names)}
+    events = [
+        (n + int(states), index[step.agent], step.k, step.t, step.t_apply, False)
+        for n, (step, states) in enumerate(zip(steps, after.tolist(), strict=True))
+    ]
+    widths = indices([len(m.dynamics.inputs) for m in swarm.members])
+    inputs = inputs_of(events, [step.u for step in steps], steps, widths)
+    watch.add(States(before + np.arange(len(t)), t, recording.x), inputs)
     return watch.deadlocks
 
 

@@ -200,9 +200,8 @@ class Lockstep:
             if u is None:
                 return False
             answer = instant.pending.popleft()
-            values = answer.i, answer.k, answer.t_sample, instant.t, u
-            lost = answer.lost
-            events.append(InputLost(*values) if lost else InputApplied(*values, self.world.x))
+            kind = InputLost if answer.lost else InputApplied
+            events.append(kind(answer.i, answer.k, answer.t_sample, instant.t, u))
         self._events.add(events)
         self._instants.popleft()
         return True

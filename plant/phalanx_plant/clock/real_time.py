@@ -212,7 +212,7 @@ class RealTime:
             self._now.append(InputLost(i, sample.k, sample.t, t, u))
         else:
             self.world.apply(i, u)
-            self._now.append(InputApplied(i, sample.k, sample.t, t, u, self.world.x, sample))
+            self._now.append(InputApplied(i, sample.k, sample.t, t, u, sample))
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed

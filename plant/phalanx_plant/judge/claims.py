@@ -1,14 +1,17 @@
 """Compare the inputs that agents broadcast with those that their actuators held, and since when."""
 
 import math
-from array import array
-from collections import Counter, defaultdict
+from collections import Counter
 from typing import NamedTuple
+
+import numpy as np
 
 from phalanx.faults.lies import Past
 from phalanx.guarantee.verdict import Assumption
-from phalanx.network.inbox import AnnouncedInput, DeliveryReport
+from phalanx.network.inbox import AnnouncedInput
+from phalanx.recording.columns import Inputs, Stated, TrueStates
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Array, Index, Mask
 
 _NOTE = (
     "every broadcast stated an input that its sender's actuator held, and since when; by radio its "
@@ -24,7 +27,25 @@ class Finding(NamedTuple):
     """Numbers of the declared lies that made it false."""
 
 
-_TRUE = Finding()
+TRUE = Finding()
+
+
+class _Claim(NamedTuple):
+    """A claim that is compared with the truth, or waits for it."""
+
+    since: int
+    """Number of the event from which on the comparison counts."""
+    receiver: int
+    sender: int
+    k: int
+    t: float
+    """Of the report [s]."""
+    t_apply: float
+    """[s]"""
+    values: Array
+    """As in Stated, shape (w,)."""
+    row: int = -1
+    """Of Stated, if the truth was known when it was reported."""
 
 
 class Claims:
@@ -41,101 +62,132 @@ class Claims:
         self._names, self._latency = swarm.names, swarm.time.latency
         self._lies = [swarm.links.lies(name) for name in swarm.names]
         stated = {b.i: b.states for b in swarm.broadcasters.values()}
-        self._planned = [
-            _Inputs(len(m.dynamics.inputs), stated.get(i, 0)) for i, m in enumerate(swarm.members)
-        ]
-        self._late: dict[tuple[int, int], float] = {}
-        """By agent and number, when an input took effect that did so late [s]; inf: never."""
-        self._early: defaultdict[tuple[int, int], list[tuple[int, AnnouncedInput, float]]]
-        self._early = defaultdict(list)
-        """Reports that arrived before the truth, by sender and number: (receiver, claim, t)."""
+        inputs = [len(m.dynamics.inputs) for m in swarm.members]
+        self.sizes = [(size, stated.get(i, 0)) for i, size in enumerate(inputs)]
+        """How many numbers of its input and of its state each agent states."""
+        widest = max(inputs), max(stated.values(), default=0)
+        self._widest = widest[0]
+        self.fits = np.hstack(
+            [np.arange(most) < np.array(sizes)[:, None]
+             for most, sizes in zip(widest, zip(*self.sizes, strict=True), strict=True)]
+        )  # fmt: skip
+        """Which numbers of a row of Stated.values are an agent's, shape (N, w)."""
+        begins = np.array([[part.start] for part in swarm.safe_set.parts])
+        last = swarm.pairs.states - 1
+        self._states: Index = np.minimum(begins + np.arange(widest[1]), last)
+        """Indices of the states that each agent may state, shape (N, n)."""
+        self._truth = np.full((len(inputs), 64, 3 + sum(widest)), np.nan)
+        """By agent and number k: number of the event, when the input took effect and when it was
+        planned to [s], input and state; NaN where there is none."""
+        self._early = list[_Claim]()
+        """Claims whose truth is not known yet."""
         self._false: Counter[str] = Counter()
-        self._misleading = set[tuple[int, int, float]]()
-        """False claims: receiver, sender and claimed time to a nanosecond [s]."""
+        self._misleading = dict[tuple[int, int, float], int]()
+        """By receiver, sender and claimed time to a nanosecond [s] of false claims, from which
+        event on they were known."""
         self.betrayals: dict[str, float] = {}
         """By agent, the time from which it first held another input than it announced [s]."""
 
-    def add_truth(self, i: int, k: int, planned: AnnouncedInput, held_from: float) -> None:
-        """Record agent i's input for sample k, and its state if it states that.
+    def add(self, inputs: Inputs, x: TrueStates, stated: Stated) -> dict[int, Finding]:
+        """Compare claims with the truth: that of these inputs, or of earlier ones.
 
-        held_from: when its actuator applied the input [s]; inf: never.
+        Where an input reaches its actuator late, its broadcasts are compared once it does.
+
+        Args:
+            inputs: applied, or lost: those took effect never.
+            x: the true states at their samples, which agents with a radio had to state.
+            stated: what receivers report.
+
+        Returns what was found of false claims that were compared when they were reported, by their
+        row in `stated`.
         """
-        self._planned[i].put(k, planned)
-        if held_from != planned.t_apply:
-            self._late[i, k] = held_from
-        if self._early:
-            for receiver, claim, t in self._early.pop((i, k), ()):
-                self._compare(i, k, planned, receiver, claim, t)
+        states = x.table[x.sampled[:, None], self._states[inputs.i]]
+        states[~self.fits[inputs.i, self._widest :]] = 0.0
+        self._put(inputs, np.hstack([inputs.u, states]))
+        number, receiver = inputs.number[stated.row], inputs.i[stated.row]
+        truth = self._of(stated.sender, stated.k)
+        known = truth[:, 0] < number
+        true = (truth[:, 1] == stated.t_apply) & (truth[:, 3:] == stated.values).all(axis=1)
+        self.truthful.checked += int(np.count_nonzero(known & true))
+        compared, waiting = list[_Claim](), self._early
+        for row in np.flatnonzero(~(known & true)).tolist():
+            values = float(inputs.t_sample[stated.row[row]]), float(stated.t_apply[row])
+            claim = _Claim(
+                int(number[row]), int(receiver[row]), int(stated.sender[row]), int(stated.k[row]),
+                *values, stated.values[row], row if known[row] else -1,
+            )  # fmt: skip
+            (compared if known[row] else waiting).append(claim)
+        self._early = []
+        for claim in waiting:
+            (since,) = self._of(np.array([claim.sender]), np.array([claim.k]))[:, 0]
+            late = np.isnan(since)
+            (self._early if late else compared).append(
+                claim if late else claim._replace(since=int(since))
+            )
+        compared.sort(key=lambda claim: claim[0])
+        findings = {claim.row: self._compare(claim) for claim in compared}
+        findings.pop(-1, None)
+        return findings
 
-    def check(
-        self, receiver: int, fate: DeliveryReport, t: float, believed: bool = True
-    ) -> Finding:
-        """Check a broadcast that a receiver reports at t [s], if believed; losses say nothing."""
-        for fault in fate.faults:
-            self.faults[fault] += 1
-        if fate.claim is None or not believed:
-            return _TRUE
-        planned = self._planned[fate.sender].get(fate.k)
-        if planned is None:
-            # The input reaches its actuator late: the truth is not known yet.
-            self._early[fate.sender, fate.k].append((receiver, fate.claim, t))
-            return _TRUE
-        return self._compare(fate.sender, fate.k, planned, receiver, fate.claim, t)
+    def misled(self, receiver: Index, sender: Index, t_apply: Array, number: Index) -> Mask:
+        """Return whether false broadcasts to receivers had inputs from t_apply on [s], shape (a,).
 
-    def misled(self, receiver: int, sender: int, t_apply: float) -> bool:
-        """Return whether a false broadcast to a receiver had an input from t_apply [s] on."""
+        number: of the events by which they have to be known, shape (a,).
+        """
         if not self._misleading:
-            return False
-        times = {round(t_apply + off, 9) for off in (-1e-9, 0.0, 1e-9)}
-        return any((receiver, sender, t) in self._misleading for t in times)
+            return np.zeros(len(receiver), dtype=bool)
+        columns = (column.tolist() for column in (receiver, sender, t_apply, number))
+        return np.array([self._misled(*row) for row in zip(*columns, strict=True)], dtype=bool)
 
-    def _compare(
-        self,
-        i: int,
-        k: int,
-        planned: AnnouncedInput,
-        receiver: int,
-        claim: AnnouncedInput,
-        t: float,
-    ) -> Finding:
-        held_from = self._late.get((i, k), planned.t_apply)
-        true = claim == AnnouncedInput(held_from, planned.u, planned.x)
-        self.truthful.check(true, t)
+    def _misled(self, receiver: int, sender: int, t_apply: float, number: int) -> bool:
+        times = {round(t_apply + off, 9) for off in (-1e-9, 0.0, 1e-9)}
+        of = [self._misleading.get((receiver, sender, t), math.inf) for t in times]
+        return min(of) <= number
+
+    def _put(self, inputs: Inputs, values: Array) -> None:
+        """Record the inputs, and the states that go with them."""
+        while len(inputs.k) and inputs.k.max() >= self._truth.shape[1]:
+            self._truth = np.hstack([self._truth, np.full_like(self._truth, np.nan)])
+        held = np.where(inputs.lost, math.inf, inputs.t_apply)
+        columns = inputs.number, held, inputs.t_sample + self._latency
+        self._truth[inputs.i, inputs.k] = np.column_stack([*columns, values])
+
+    def _of(self, sender: Index, k: Index) -> Array:
+        """Return rows of the truth; NaN where there is none yet."""
+        exists = (k >= 0) & (k < self._truth.shape[1])
+        rows: Array = self._truth[sender, np.where(exists, k, 0)]
+        rows[~exists] = np.nan
+        return rows
+
+    def _compare(self, claim: _Claim) -> Finding:
+        i, k = claim.sender, claim.k
+        planned = self._planned(i, k)
+        assert planned is not None
+        held_from = float(self._truth[i, k, 1])
+        true = bool(claim.t_apply == held_from and (claim.values == self._truth[i, k, 3:]).all())
+        self.truthful.check(true, claim.t)
         if true:
-            return _TRUE
+            return TRUE
         name = self._names[i]
         self._false[name] += 1
-        self._misleading.add((receiver, i, round(claim.t_apply, 9)))
+        heard = claim.receiver, i, round(claim.t_apply, 9)
+        self._misleading.setdefault(heard, claim.since)
         begin = min(claim.t_apply, held_from)
         self.betrayals[name] = min(begin, self.betrayals.get(name, math.inf))
         counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())
         self.truthful.note = f"{_NOTE}; false were {counts}"
         sampled = planned.t_apply - self._latency
         liar, past = self._lies[i], self._before(i, k)
-        lies = liar.claim(self._names[receiver], k, planned, past, sampled).lies
+        lies = liar.claim(self._names[claim.receiver], k, planned, past, sampled).lies
         self.faults.update(lies)
         return Finding(True, lies)
 
     def _before(self, i: int, k: int) -> Past:
-        return lambda ago: self._planned[i].get(k - ago) if ago <= k else None
+        return lambda ago: self._planned(i, k - ago) if ago <= k else None
 
-
-class _Inputs:
-    """All inputs of one agent by number, stored as doubles: a long run has many."""
-
-    def __init__(self, inputs: int, states: int) -> None:
-        """states: of those that it states by radio."""
-        self._inputs, self._width, self._rows = inputs, 1 + inputs + states, array("d")
-
-    def put(self, k: int, claim: AnnouncedInput) -> None:
-        rows, begin = self._rows, k * self._width
-        if (lacking := begin - len(rows)) > 0:  # inputs that were lost
-            rows.extend([math.nan] * lacking)
-        rows[begin : begin + self._width] = array("d", (claim.t_apply, *claim.u, *claim.x))
-
-    def get(self, k: int) -> AnnouncedInput | None:
-        row = self._rows[k * self._width : (k + 1) * self._width]
-        if not row or math.isnan(row[0]):
-            return None
-        u, x = row[1 : 1 + self._inputs], row[1 + self._inputs :]
-        return AnnouncedInput(row[0], tuple(u), tuple(x))
+    def _planned(self, i: int, k: int) -> AnnouncedInput | None:
+        """Return what agent i's broadcast k had to state, unless it is not known yet."""
+        _, _, t_apply, *values = self._truth[i, k].tolist()
+        inputs, states = self.sizes[i]
+        u, x = values[:inputs], values[self._widest : self._widest + states]
+        return None if math.isnan(t_apply) else AnnouncedInput(t_apply, tuple(u), tuple(x))

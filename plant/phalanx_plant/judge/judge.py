@@ -5,8 +5,11 @@ certificates follow from the true states and the applied inputs alone. Agents' r
 with these. All that is recorded and shown of an event is in its judgement.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import count, pairwise
+from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -22,9 +25,9 @@ from phalanx.guarantee.verdict import (
     TrustSummary,
     Violation,
 )
-from phalanx.messages.kinds import Telemetry
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
+from phalanx.network.inbox import Conviction, DeliveryReport
+from phalanx.recording.columns import Inputs, TrueStates
 from phalanx.recording.deadlock import DeadlockWatch
 from phalanx.recording.records import Level, Log
 from phalanx.schema.registry import part_of_agent
@@ -35,8 +38,9 @@ from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.judge.assumptions import Assumptions
-from phalanx_plant.judge.claims import Claims, Finding
+from phalanx_plant.judge.claims import TRUE, Claims, Finding
 from phalanx_plant.judge.coverage import Coverage
+from phalanx_plant.judge.event_columns import Columns, EventColumns
 from phalanx_plant.world.evaluation import EvaluatedSteps, Evaluation
 from phalanx_plant.world.events import (
     CommandApplied,
@@ -47,8 +51,10 @@ from phalanx_plant.world.events import (
     Sampled,
     StateReached,
 )
-from phalanx_plant.world.extremes import LOWEST, Crossing, PairExtremes, Peak
+from phalanx_plant.world.extremes import LOWEST, Crossing, Extremes, PairExtremes, Peak
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
+
+_CHANGES = (CommandApplied, MemberLost)
 
 
 class Judged(Struct, frozen=True):
@@ -65,6 +71,21 @@ class Judged(Struct, frozen=True):
     """Of an InputApplied: its control step."""
     received: Sequence[tuple[DeliveryReport, Finding]] = ()
     """Of an input: the broadcasts that its agent reports on, and whether they were true."""
+
+
+class _Folded(NamedTuple):
+    """What the judge found of columns of events."""
+
+    extremes: Extremes
+    """By state."""
+    certified: Array
+    """For how long all pairs of each input's agent are proven safe [s], shape (r,); NaN of lost
+    inputs and those of adversaries."""
+    findings: dict[tuple[int, int], Finding]
+    """What was found of false claims, by the row of the input and which of its fates it is."""
+    notices: defaultdict[int, list[Log]]
+    """Lines of the log, by the row of the state that shows it."""
+    x: TrueStates
 
 
 class Findings(Struct):
@@ -114,10 +135,11 @@ class Judge:
         """Inputs applied."""
         self._origins = {str(o): 0 for o in swarm.origins}
         """Steps of normal agents by how their input was made."""
-        self._names, self._latency = swarm.names, swarm.time.latency
+        self._names = swarm.names
         self._with_radio = frozenset(i for i in swarm.normal if swarm.peers(i))
-        self._crossings: list[Crossing] = []
-        """Those at the start, until the first event."""
+        self._columns = EventColumns(swarm, self.claims)
+        self._at_start = list[Log]()
+        """Pairs that are unsafe at the start, until the first event."""
         self._turned: set[int] = set()
         """Normal agents that became adversaries."""
         self._warned: set[str] = set()
@@ -163,64 +185,90 @@ class Judge:
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         """Judge the next events in order, and append the results; a sample has none.
 
-        Together, as h, ψ and certificates cost least for many. Raises DivergedError.
+        Together, as everything costs least for many. Raises DivergedError.
         """
-        # States after a command are evaluated once it has excluded pairs.
-        commands = [k + 1 for k, event in enumerate(events) if type(event) is CommandApplied]
-        for begin, end in pairwise([0, *commands, len(events)]):
+        # What comes after one of these is judged with all that it changed.
+        changes = [k + 1 for k, event in enumerate(events) if type(event) in _CHANGES]
+        for begin, end in pairwise([0, *changes, len(events)]):
             self._judge(events[begin:end], judged)
 
     def _judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         indices = [k for k, event in enumerate(events) if type(event) is StateReached]
-        failed = self._add([e.history for e in events if type(e) is StateReached])
-        if failed is not None:
+        histories = [event.history for event in events if type(event) is StateReached]
+        evaluated = list(self.evaluation.of(histories))
+        if (failed := self.diverged(evaluated)) is not None:
             number, diverged = failed
             self._judge(events[: indices[number]], judged)
             raise diverged
-        proven = iter(self.coverage.proven([e for e in events if type(e) is InputApplied]))
-        number = 0
+        self._add_pieces(histories)
+        folded = self.fold(self._columns.of(events), evaluated)
+        states, inputs = count(), count()
         for event in events:
             match event:
                 case StateReached():
-                    judged.append(self._reached(event, number))
-                    number += 1
-                case Sampled():
-                    self.assumptions.sampled(event)
+                    judged.append(self._reached(event, next(states), folded))
+                case InputApplied() | InputLost():
+                    judged.append(self._answered(event, next(inputs), folded))
+                case Sampled() if self._promise is not None:
                     self._truthful[event.i] = event.truthful
-                    if self._promise is not None:
-                        self._promise.sampled(event.i, event.t)
-                case InputApplied(telemetry=Telemetry() as telemetry):
-                    judged.append(self._applied(event, telemetry, next(proven)))
+                    self._promise.sampled(event.i, event.t)
                 case CommandApplied():
                     judged.append(self._command(event))
-                case InputLost(telemetry=Telemetry() as telemetry):
-                    judged.append(self._lost(event, telemetry))
                 case MemberLost():
                     judged.append(self._lost_member(event))
-                case _:
-                    raise ValueError(f"expected an input with its report, got {event}")
+
+    def fold(self, columns: Columns, evaluated: Sequence[EvaluatedSteps]) -> _Folded:
+        """Judge events by their columns, and the steps that led to their states.
+
+        No command is among them, and no agent is lost or comes back.
+        """
+        states, samples, inputs, aged, stated, fates = columns
+        extremes = self._moved(evaluated, len(states.t))
+        x = self.assumptions.true_states(states, samples, inputs)
+        issued = self.coverage.proven(inputs, x.table[x.now])
+        certified = self.coverage.add(states, inputs, issued)
+        findings = self.claims.add(inputs, x, stated)
+        self.assumptions.add_samples(states, samples)
+        self.assumptions.add(states, inputs, aged, x)
+        self._count_origins(inputs)
+        notices = defaultdict[int, list[Log]](list)
+        for row, crossing in extremes.crossings:
+            notices[row].append(self._crossed(crossing))
+        for row, deadlock in self._watch.add(states, inputs):
+            notices[row].append(Log(float(states.t[row]), deadlock))
+        of_fates = {fates[row]: finding for row, finding in findings.items()}
+        return _Folded(extremes, certified, of_fates, notices, x)
+
+    def _count_origins(self, inputs: Inputs) -> None:
+        self._steps += int(np.count_nonzero(~inputs.lost))
+        of_normal = np.isin(inputs.i, self._swarm.normal) & ~inputs.lost
+        counts = np.bincount(inputs.origin[of_normal], minlength=len(Origin))
+        for origin, steps in zip(Origin, counts.tolist(), strict=True):
+            if steps and origin != Origin.ATTACK:
+                self._origins[origin] += steps
 
     def begin(self, start: StateReached) -> Judged:
         """Check the start, whose log lines come with the next event. Raises DivergedError."""
-        if (failed := self._add([start.history])) is not None:
-            raise failed[1]
-        peak, self._crossings = self.extremes.take(0)
-        return Judged(start, peak=peak, pair=self.extremes.largest)
-
-    def _add(self, histories: Sequence[History]) -> tuple[int, DivergedError] | None:
-        """Check consecutive histories; if one is not finite return its number and the error."""
-        evaluated = list(self.evaluation.of(histories))
+        evaluated = list(self.evaluation.of([start.history]))
         if (failed := self.diverged(evaluated)) is not None:
-            return failed
+            raise failed[1]
+        self._add_pieces([start.history])
+        extremes = self._moved(evaluated, 1)
+        self._at_start = [self._crossed(crossing) for _, crossing in extremes.crossings]
+        return Judged(start, peak=extremes.peak(0), pair=int(extremes.pairs[0]))
+
+    def _moved(self, evaluated: Sequence[EvaluatedSteps], states: int) -> Extremes:
+        for steps in evaluated:
+            self.assumptions.moved(steps)
+        return self.extremes.add(evaluated, states)
+
+    def _add_pieces(self, histories: Sequence[History]) -> None:
+        """Check what happened in consecutive histories, besides motion."""
         for history in histories:
             for piece in history:
                 if type(piece) is DisturbanceKnot or type(piece) is WorldNote:
-                    self.assumptions.add(piece)
+                    self.assumptions.add_piece(piece)
                     self._add_to_promise(piece)
-        for steps in evaluated:
-            self.extremes.add(steps)
-            self.assumptions.moved(steps)
-        return None
 
     def _add_to_promise(self, piece: DisturbanceKnot | WorldNote) -> None:
         if self._promise is None:
@@ -251,26 +299,23 @@ class Judge:
             f"h of {composed.label(pair)}", t, located_method(*composed.method_of(pair))
         )
 
-    def _reached(self, event: StateReached, number: int) -> Judged:
-        self._t = event.t
-        self.coverage.reached(event.t)
-        self.assumptions.reached(event)
-        peak, crossings = self.extremes.take(number)
+    def _crossed(self, crossing: Crossing) -> Log:
+        level = Level.ERROR if crossing.unsafe else Level.INFO
+        pair = self.extremes.label(crossing.pair)
+        return Log(crossing.t, self.extremes.in_words(crossing), level, pair)
+
+    def _reached(self, event: StateReached, row: int, folded: _Folded) -> Judged:
+        self._t, extremes = event.t, folded.extremes
         notices = [
             Log(piece.t, piece.text, Level.WARNING)
             for piece in event.history
             if type(piece) is WorldNote
         ]
-        for crossing in self._crossings + crossings:
-            level = Level.ERROR if crossing.unsafe else Level.INFO
-            pair = self.extremes.label(crossing.pair)
-            notices.append(Log(crossing.t, self.extremes.in_words(crossing), level, pair))
-        self._crossings = []
-        notices += [
-            Log(event.t, str(deadlock)) for deadlock in self._watch.reached(event.t, event.x)
-        ]
+        if self._at_start or row in folded.notices:
+            notices += self._at_start + folded.notices[row]
+            self._at_start = []
         notices.sort(key=lambda line: line.t)
-        return Judged(event, notices, peak=peak, pair=self.extremes.largest)
+        return Judged(event, notices, peak=extremes.peak(row), pair=int(extremes.pairs[row]))
 
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
@@ -302,6 +347,7 @@ class Judge:
         """
         self._turned.add(i)
         self.assumptions.turned(i)
+        self._columns.turned(i)
         if self._promise is not None:
             self._promise.turned(i, t)
         excluded = np.flatnonzero(self._swarm.without_normal(self._turned))
@@ -309,45 +355,43 @@ class Judge:
         self.evaluation.pairs.excluded[excluded] = True
         self.coverage.turned(i, excluded)
 
-    def _applied(self, event: InputApplied, telemetry: Telemetry, proven: Array) -> Judged:
-        i, name, u = event.i, self._names[event.i], tuple(event.u.tolist())
-        received, notices = self._report(event, telemetry)
-        origin = telemetry.report.origin
-        self.claims.add_truth(i, event.k, self._truth(event), event.t_apply)
-        self.assumptions.applied(event, telemetry)
+    def _answered(self, event: InputApplied | InputLost, row: int, folded: _Folded) -> Judged:
+        """Judge an input by its agent's report, and warn of what happened for the first time."""
+        i, t, telemetry, x = event.i, event.t_sample, event.telemetry, folded.x
+        assert telemetry is not None
+        self._rejected[i] = telemetry.rejected
+        received, notices = [(fate, TRUE) for fate in telemetry.fates], list[Log]()
+        for n, fate in enumerate(telemetry.fates):
+            for fault in fate.faults:
+                self.claims.faults[fault] += 1
+            if folded.findings and (finding := folded.findings.get((row, n))) is not None:
+                received[n] = fate, finding
+                sender = self._names[fate.sender]
+                notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        if self._knowledge is not None and i in self._with_radio:
+            late = isinstance(event, InputLost) or event.t_apply > t
+            self._knowledge.sampled(i, t, x.at_sample(row), telemetry, late, self._turned)
+        for conviction in telemetry.convictions:
+            # An adversary may accuse whom it likes.
+            if i in self._swarm.normal and i not in self._turned:
+                notices.append(self._conviction(i, t, conviction))
+        if isinstance(event, InputLost):
+            if self._promise is not None:
+                self._promise.lost(i, event.t_due)
+            notices += self._warn_once(event.t_due, f"agent {self._names[i]}: first input lost")
+            return Judged(event, notices, received=received)
         if self._promise is not None:
-            x = self.assumptions.state_at_sample(i)
-            self._promise.applied(event, x, self._truthful[i])
-        self._steps += 1
-        if i in self._swarm.normal and origin != Origin.ATTACK:
-            self._origins[origin] += 1
+            self._promise.applied(event, x.at_sample(row), self._truthful[i])
+        if telemetry.report.origin == Origin.BACKUP:
+            notices += self._warn_once(event.t_apply, f"agent {self._names[i]}: first backup")
+        certified = float(folded.certified[row])
         step = AppliedStep(
-            u=u,
+            u=tuple(event.u.tolist()),
             oldest_input=max([age for _, age in ages]) if (ages := telemetry.ages) else None,
-            certified=self.coverage.applied(i, event.t_apply, proven),
+            certified=None if isnan(certified) else certified,
             **asdict(telemetry.report),
         )
-        self._watch.applied(i, event.t_apply, step)
-        if origin == Origin.BACKUP:
-            notices += self._warn_once(event.t_apply, f"agent {name}: first backup")
         return Judged(event, notices, step=step, received=received)
-
-    def _lost(self, event: InputLost, telemetry: Telemetry) -> Judged:
-        received, notices = self._report(event, telemetry)
-        self.claims.add_truth(event.i, event.k, self._truth(event), np.inf)
-        self.assumptions.lost(event)
-        if self._promise is not None:
-            self._promise.lost(event.i, event.t_due)
-        notices += self._warn_once(event.t_due, f"agent {self._names[event.i]}: first input lost")
-        return Judged(event, notices, received=received)
-
-    def _truth(self, event: InputApplied | InputLost) -> AnnouncedInput:
-        """Return what agent i's broadcast of an input has to state."""
-        x: tuple[float, ...] = ()
-        if event.i in self._with_radio:
-            state = self.assumptions.state_at_sample(event.i)
-            x = tuple(state[self._swarm.safe_set.parts[event.i]].tolist())
-        return AnnouncedInput(event.t_sample + self._latency, tuple(event.u.tolist()), x)
 
     def _lost_member(self, event: MemberLost) -> Judged:
         name = self._names[event.i]
@@ -358,28 +402,6 @@ class Judge:
         self._lost_members.append(f"agent {name} at t = {event.t:.3f} s{because}")
         lost = f"agent {name} is lost{because}; its actuator holds its input"
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
-
-    def _report(
-        self, event: InputApplied | InputLost, telemetry: Telemetry
-    ) -> tuple[list[tuple[DeliveryReport, Finding]], list[Log]]:
-        """Check the broadcasts in an agent's report on its sample, and return warnings."""
-        i, t = event.i, event.t_sample
-        self._rejected[i] = telemetry.rejected
-        # An adversary may accuse whom it likes.
-        believed = i in self._swarm.normal and i not in self._turned
-        received = [(fate, self.claims.check(i, fate, t, believed)) for fate in telemetry.fates]
-        notices = list[Log]()
-        for fate, finding in received:
-            if finding.false:
-                sender = self._names[fate.sender]
-                notices += self._warn_once(t, f"agent {sender}: first false broadcast")
-        if self._knowledge is not None and i in self._with_radio:
-            late = isinstance(event, InputLost) or event.t_apply > t
-            x = self.assumptions.state_at_sample(i)
-            self._knowledge.sampled(i, t, x, telemetry, late, self._turned)
-        for conviction in telemetry.convictions if believed else ():
-            notices.append(self._conviction(i, t, conviction))
-        return received, notices
 
     def _conviction(self, i: int, t: float, conviction: Conviction) -> Log:
         """Keep a conviction by agent i at t [s], and describe it."""

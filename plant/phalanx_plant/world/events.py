@@ -52,8 +52,6 @@ class InputApplied(Struct, frozen=True):
     """[s]"""
     u: Array
     """Native input, shape (m_i,)."""
-    x: Array
-    """True stacked state at t_apply, shape (n̄,)."""
     answers: Sample | None = None
     """In real time, the sample as the agent received it."""
     telemetry: Telemetry | None = None

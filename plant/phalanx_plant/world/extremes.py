@@ -1,15 +1,13 @@
 """Extremes of the true h of every pair, over all integration steps."""
 
-from collections import defaultdict
-from collections.abc import Mapping
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
 from phalanx.guarantee.verdict import Violation
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx_plant.world.evaluation import EvaluatedSteps
 
@@ -33,21 +31,32 @@ class _Excursions:
         """Pairs that are outside now."""
         self._t = 0.0
 
-    def add(self, times: Array, unsafe: Mapping[int, Array]) -> list[Crossing]:
-        """Add steps at these times [s], with the h of each pair that is unsafe at one of them."""
-        self._t, lasting = float(times[-1]), self.lasting
-        crossings = [Crossing(float(times[0]), pair, False) for pair in lasting - unsafe.keys()]
-        for pair, h in unsafe.items():
-            outside = ~(h <= 0.0)
-            edges = np.flatnonzero(np.diff(outside, prepend=pair in lasting)).tolist()
-            crossings += [Crossing(float(times[k]), pair, bool(outside[k])) for k in edges]
-        for crossing in crossings:
+    def add(self, steps: EvaluatedSteps, counting: Mask) -> list[tuple[int, Crossing]]:
+        """Add steps; counting: which of their pairs count here, shape (r,).
+
+        Returns the pairs that left or came back, each with the number of its history.
+        """
+        numbers, times, pairs, h, *_ = steps
+        self._t, outside = float(times[-1]), ~(h <= 0.0)
+        columns = np.flatnonzero(outside.any(axis=0) & counting).tolist()
+        some = {int(pairs[c]): c for c in columns}
+        crossings = [
+            (0, -1, Crossing(float(times[0]), p, False)) for p in self.lasting - some.keys()
+        ]
+        for pair, c in some.items():
+            edges = np.flatnonzero(np.diff(outside[:, c], prepend=pair in self.lasting)).tolist()
+            crossings += [
+                (k, c, Crossing(float(times[k]), pair, bool(outside[k, c]))) for k in edges
+            ]
+        # Violations as deep as one another stay in the order of their histories and pairs.
+        crossings.sort(key=lambda edge: (numbers[edge[0]], *edge[1::-1]))
+        for _, _, crossing in crossings:
             self._cross(*crossing)
-        for pair, h in unsafe.items():
-            violation, worst = self._violations[pair], float(h.max())
+        for pair, c in some.items():
+            violation, worst = self._violations[pair], float(h[:, c].max())
             if worst > violation.worst:
-                violation.worst, violation.worst_at = worst, float(times[h.argmax()])
-        return crossings
+                violation.worst, violation.worst_at = worst, float(times[h[:, c].argmax()])
+        return [(int(numbers[k]), crossing) for k, _, crossing in crossings]
 
     def end(self, pairs: Index, t: float) -> None:
         """End the excursions of these pairs at t [s]."""
@@ -73,16 +82,6 @@ class _Excursions:
         return sorted(violations, key=lambda v: -v.worst)
 
 
-class _Part(NamedTuple):
-    """Consecutive steps of one history."""
-
-    largest: list[tuple[float, float, float, int]]
-    """h_tot, time [s], the largest h that counts, and its pair."""
-    times: Array
-    pairs: Index
-    h: Array
-
-
 Peak = tuple[float, float]
 """Largest h_tot, and largest h of a pair with a normal agent."""
 LOWEST: Peak = (-np.inf, -np.inf)
@@ -91,6 +90,22 @@ LOWEST: Peak = (-np.inf, -np.inf)
 def larger(a: Peak, b: Peak) -> Peak:
     """Return the larger values of both."""
     return max(a[0], b[0]), max(a[1], b[1])
+
+
+class Extremes(NamedTuple):
+    """Extremes of n consecutive histories."""
+
+    peaks: Array
+    """Their largest h_tot and largest h that counts, or the values before each; shape (n, 2)."""
+    pairs: Index
+    """The pair whose h is largest at the end of each, shape (n,)."""
+    crossings: list[tuple[int, Crossing]]
+    """Pairs that left or came back, each with the number of its history, in order."""
+
+    def peak(self, number: int) -> Peak:
+        """Return the largest values of one history."""
+        h_tot, h = self.peaks[number].tolist()
+        return h_tot, h
 
 
 class PairExtremes:
@@ -104,12 +119,8 @@ class PairExtremes:
         """Largest h so far of a pair with a normal agent, its time [s] and its pair."""
         self.largest_h_tot, self.largest_h_tot_at = -np.inf, 0.0
         """Largest h_tot so far, and its time [s]."""
-        self.now = LOWEST
-        """At the last step."""
-        self.largest = 0
-        """The pair with a normal agent whose h was largest at the last step."""
-        self._parts: defaultdict[int, list[_Part]] = defaultdict(list)
-        """By number of a history, until it is taken."""
+        self._now, self._largest = np.array([LOWEST]), np.zeros(1, dtype=np.intp)
+        """h_tot and the largest h that counts at the last step, shape (1, 2), and that pair."""
 
     def label(self, pair: int) -> str:
         """Name of a pair, by its index."""
@@ -123,47 +134,40 @@ class PairExtremes:
         more = excluded if self._is_excluded[crossing.pair] else ""
         return f"{self.label(crossing.pair)} left the safe set{more}"
 
-    def add(self, steps: EvaluatedSteps) -> None:
-        """Add integration steps; they count once their history is taken."""
-        numbers, times, pairs, h, h_tot, *_ = steps
-        excluded = self._is_excluded[pairs]
-        counted = np.where(excluded, -np.inf, h) if excluded.any() else h
-        column = counted.argmax(axis=1)
-        columns = h_tot, times, counted[np.arange(len(h)), column], pairs[column]
-        largest = list(zip(*(column.tolist() for column in columns), strict=True))
-        ends = np.flatnonzero(np.diff(numbers)) + 1
-        for begin, end in pairwise([0, *ends.tolist(), len(numbers)]):
-            part = _Part(largest[begin:end], times[begin:end], pairs, h[begin:end])
-            self._parts[int(numbers[begin])].append(part)
+    def add(self, evaluated: Sequence[EvaluatedSteps], count: int) -> Extremes:
+        """Add the steps of the next histories, so many: some may have none."""
+        crossings = list[tuple[int, Crossing]]()
+        # The last step before them comes first.
+        values, largest = [self._now], [self._largest]
+        for steps in evaluated:
+            excluded = self._is_excluded[steps.pairs]
+            counted = np.where(excluded, -np.inf, steps.h) if excluded.any() else steps.h
+            column = counted.argmax(axis=1)
+            h = counted[np.arange(len(column)), column]
+            self._keep_largest(steps.times, steps.h_tot, h, steps.pairs[column])
+            values.append(np.column_stack([steps.h_tot, h]))
+            largest.append(steps.pairs[column])
+            # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
+            safe = (steps.h_tot <= 0.0).all()
+            if not safe or self._counted.lasting or self._uncounted.lasting:
+                crossings += self._counted.add(steps, ~excluded)
+                crossings += self._uncounted.add(steps, excluded)
+        table, pairs = np.concatenate(values), np.concatenate(largest)
+        numbers = np.concatenate([np.zeros(0, dtype=np.intp), *[s.numbers for s in evaluated]])
+        ends = np.searchsorted(numbers, np.arange(-1, count), side="right")
+        # A window from the step before each history to its last one: every second of these.
+        windows = np.column_stack([ends[:-1], ends[1:] + 1]).ravel()
+        peaks = np.maximum.reduceat(np.concatenate([table, table[:1]]), windows)[::2]
+        self._now, self._largest = table[-1:], pairs[-1:]
+        return Extremes(peaks, pairs[ends[1:]], sorted(crossings))
 
-    def take(self, number: int) -> tuple[Peak, list[Crossing]]:
-        """Take a history: return its largest values, and the pairs that left or came back.
-
-        The values before it count too.
-        """
-        peak, crossings = self.now, list[Crossing]()
-        for part in self._parts.pop(number, ()):
-            for h_tot, t, h, pair in part.largest:
-                if h > self.worst_h:
-                    self.worst_h, self.worst_at, self.worst_pair = h, t, self.label(pair)
-                if h_tot > self.largest_h_tot:
-                    self.largest_h_tot, self.largest_h_tot_at = h_tot, t
-                self.now, self.largest = (h_tot, h), pair
-                if h_tot > peak[0] or h > peak[1]:
-                    peak = larger(peak, self.now)
-            crossings += self._crossings(part)
-        return peak, sorted(crossings)
-
-    def _crossings(self, part: _Part) -> list[Crossing]:
-        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
-        safe = all(h_tot <= 0.0 for h_tot, *_ in part.largest)
-        if safe and not self._counted.lasting and not self._uncounted.lasting:
-            return []
-        unsafe = np.flatnonzero(~(part.h <= 0.0).all(axis=0)).tolist()
-        outside = {int(part.pairs[k]): part.h[:, k] for k in unsafe}
-        counted = {pair: h for pair, h in outside.items() if not self._is_excluded[pair]}
-        excluded = {pair: outside[pair] for pair in outside.keys() - counted.keys()}
-        return self._counted.add(part.times, counted) + self._uncounted.add(part.times, excluded)
+    def _keep_largest(self, times: Array, h_tot: Array, h: Array, pairs: Index) -> None:
+        """Keep the largest values so far, and when each was reached first."""
+        if h[k := int(h.argmax())] > self.worst_h:
+            self.worst_h, self.worst_at = float(h[k]), float(times[k])
+            self.worst_pair = self.label(int(pairs[k]))
+        if h_tot[k := int(h_tot.argmax())] > self.largest_h_tot:
+            self.largest_h_tot, self.largest_h_tot_at = float(h_tot[k]), float(times[k])
 
     def exclude(self, pairs: Index, t: float) -> None:
         """Count these pairs, without a normal agent from t [s] on, no more for the verdict."""

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
@@ -204,6 +204,20 @@ class Actuators:
         different = {id(m.dynamics): m.dynamics for m in swarm.members}
         polytopes = {key: _input_polytope(dynamics) for key, dynamics in different.items()}
         self._polytopes = [polytopes[id(m.dynamics)] for m in swarm.members]
+        widest = max(len(m.dynamics.inputs) for m in swarm.members)
+        self._low, self._high = np.full((2, len(swarm.members), widest), [[[-np.inf]], [[np.inf]]])
+        """Bounds of each agent's inputs, shape (N, m); none in a box that is not known."""
+        for i, inputs in enumerate(self._polytopes):
+            box = None if isinstance(inputs, CompiledFunction) else inputs.box
+            if box is None:
+                self._low[i] = np.inf
+            else:
+                self._low[i, : len(box.low)], self._high[i, : len(box.high)] = box.low, box.high
+
+    def inside(self, i: Index, u: Array) -> Mask:
+        """Return which inputs of agents i, (r,), are in a box that is known; u: padded, (r, m)."""
+        inside: Mask = np.all((self._low[i] <= u) & (u <= self._high[i]), axis=1)
+        return inside
 
     def takes(self, i: int, x: Array, u: Array) -> bool:
         """Return whether u, (m_i,), is within ACTUATION of U_i at agent i's state x, (n_i,)."""

@@ -15,7 +15,7 @@ from phalanx.guarantee.certificate import (
     highest_within,
     pair_certificate,
 )
-from phalanx.guarantee.certificates import HeldInput, SwarmCertificates
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -268,16 +268,19 @@ def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng)
     every = SwarmCertificates(swarm)
     held, near_enough = [], 0
     for i in [*swarm.normal, *swarm.normal[:2]]:
-        agent, inputs = every.of(i), len(swarm.members[i].dynamics.inputs)
+        agent, size = every.of(i), len(swarm.members[i].dynamics.inputs)
         x = 0.2 * swarm.start() + rng.uniform(-3, 3, swarm.safe_set.x.numel())
-        near = None if i % 2 else rng.random(len(agent.pairs)) < 0.5
-        held.append(HeldInput(agent, x, rng.uniform(-1, 1, inputs), near))
-    for item, times in zip(held, every.proven(held), strict=True):
-        assert (times == item.agent(item.x, item.u, item.near)).all()
-        assert times.shape == (len(item.agent.pairs),)
-        if item.near is not None:
-            assert (times[~item.near] == item.agent.longest).all()
-        near_enough += np.count_nonzero((times > 0.0) & (times < item.agent.longest))
+        near = rng.random(len(agent.pairs)) < (1.0 if i % 2 else 0.5)
+        held.append((agent, x, np.append(rng.uniform(-1, 1, size), np.zeros(3 - size)), near))
+    agents, x, u, near = zip(*held, strict=True)
+    sides = [agent.every_side[some] for agent, some in zip(agents, near, strict=True)]
+    inputs = np.arange(len(held)).repeat([len(part) for part in sides])
+    proven = every.proven(np.concatenate(sides), inputs, np.array(x), np.array(u))
+    for n, (agent, x, u, near) in enumerate(held):
+        times = agent(x, u, near)
+        assert (times[near] == proven[inputs == n]).all()
+        assert (times[~near] == agent.longest).all()
+        near_enough += np.count_nonzero((times > 0.0) & (times < agent.longest))
     assert near_enough > 2
 
 

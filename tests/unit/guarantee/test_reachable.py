@@ -4,15 +4,16 @@ import casadi as ca
 import numpy as np
 import pytest
 from phalanx_plant.judge.coverage import Coverage
-from phalanx_plant.world.events import InputApplied
 from phalanx_plant.world.motion import Motion
 
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
+from phalanx.recording.columns import inputs_of
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator
+from tests.unit.plant.reports import STEP
 from tests.unit.swarms import swarm_of_scenario
 
 LARGE = ("agents.0.count=42", "agents.1.count=6")
@@ -32,7 +33,7 @@ def test_pairs_left_out_are_certified_for_as_long_as_any_certificate_lasts(name,
     inputs = [swarm.members[l].dynamics for l in range(len(swarm.members))]
     still = np.zeros(len(x))
     for step in range(60):
-        near = around.near(i, others, step * 0.01, x)
+        near = met(around, i, others, step * 0.01, x)
         # Whatever it does now: its input has no part in it.
         u = rng.uniform(-0.5, 0.5, len(inputs[i].inputs))
         times, near_times = agent(x, u), agent(x, u, near)
@@ -53,9 +54,17 @@ def test_the_reach_of_a_users_function_leaves_no_agent_out(function):
     coverage, x = Coverage(swarm), swarm.start()
     i, j = swarm.normal[:2]
     x[swarm.safe_set.parts[j]] = x[swarm.safe_set.parts[i]] + [1.5, 0.0, 0.0]
-    (times,) = coverage.proven([InputApplied(i, 0, 0.0, 0.0, np.zeros(2), x)])
+    widths = np.array([len(m.dynamics.inputs) for m in swarm.members])
+    inputs = inputs_of([(0, i, 0, 0.0, 0.0, False)], [np.zeros(2)], [STEP], widths)
+    times = coverage.proven(inputs, x[None]).seconds
     assert (times == SwarmCertificates(swarm).of(i)(x, np.zeros(2))).all()
     assert times.min() == 0.0 or function == "Reaches"
+
+
+def met(boxes: ReachableBoxes, i: int, others: np.ndarray, t: float, x: np.ndarray) -> np.ndarray:
+    """Return which others agent i may meet."""
+    first = np.zeros(len(others), dtype=np.intp)
+    return boxes.near(np.full(len(others), i), others, first, np.array([t]), x[None])
 
 
 def three_on_a_line_and_a_sphere(dynamics: str = "single-integrator") -> Swarm:
@@ -87,23 +96,27 @@ def three_on_a_line_and_a_sphere(dynamics: str = "single-integrator") -> Swarm:
 PUSHED = 0.5
 
 
-@pytest.mark.parametrize(("within", "met"), [(0.42, True), (0.43, False)])
-def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_kept(within, met):
+@pytest.mark.parametrize(("within", "expected"), [(0.42, True), (0.43, False)])
+def test_boxes_reach_as_far_as_the_longest_certificate_asked_while_they_are_kept(within, expected):
     """It lasts 8 periods of 0.05 s, and boxes are kept for half of one."""
     swarm = three_on_a_line_and_a_sphere()
     function = swarm.safety.safe_set_function
     distance, to_obstacle = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
     for where, other in (([distance, 0.0], 0), ([0.0, 50.0 - to_obstacle], 3)):
         x = np.array([0.0, 0.0, -500.0, 0.0, *where])
-        near = ReachableBoxes(swarm, function).near(2, np.array([other]), 0.0, x)
-        assert near.tolist() == [met]
+        near = met(ReachableBoxes(swarm, function), 2, np.array([other]), 0.0, x)
+        assert near.tolist() == [expected]
 
 
 def test_boxes_that_are_too_old_are_made_again():
     swarm, others = three_on_a_line_and_a_sphere(), np.array([0])
     boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
-    assert not boxes.near(2, others, 0.0, swarm.start())
-    assert boxes.near(2, others, 0.026, np.zeros(6))
+    assert not met(boxes, 2, others, 0.0, swarm.start())
+    assert met(boxes, 2, others, 0.026, np.zeros(6))
+    # Of two inputs at once each has those of its own time.
+    boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
+    pairs, times = (np.full(2, 2), np.zeros(2, dtype=int), np.arange(2)), np.array([0.0, 0.026])
+    assert boxes.near(*pairs, times, np.array([swarm.start(), np.zeros(6)])).tolist() == [0, 1]
 
 
 class Escaping(SingleIntegrator):
@@ -114,12 +127,12 @@ class Escaping(SingleIntegrator):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("begin", "met"), [(0.0, False), (100.0, True), (-100.0, True)])
-def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, met):
+@pytest.mark.parametrize(("begin", "expected"), [(0.0, False), (100.0, True), (-100.0, True)])
+def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, expected):
     swarm = three_on_a_line_and_a_sphere("tests.unit.guarantee.test_reachable:Escaping")
     boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     x = np.array([0.0, 0.0, 0.0, -500.0, begin, 500.0])
-    assert boxes.near(2, np.array([0]), 0.0, x).tolist() == [met]
+    assert met(boxes, 2, np.array([0]), 0.0, x).tolist() == [expected]
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 """Deadlock: who wants to move and stands, on positions and inputs that are made by hand."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 
 import phalanx
 from phalanx.guarantee.verdict import Deadlock, waiting_in_words
-from phalanx.recording.deadlock import DeadlockWatch, HeldWishes
+from phalanx.recording.columns import Inputs, States, indices, inputs_of
+from phalanx.recording.deadlock import DeadlockWatch, Wishes
 from phalanx.recording.metrics.measures import Thresholds, deadlocks_of
 from phalanx.recording.read import swarm_of
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 
 ROBOT = {
@@ -55,6 +57,27 @@ def step(
     )  # fmt: skip
 
 
+NOWHERE = np.zeros(6)
+
+
+class Watched(DeadlockWatch):
+    """A watch that sees events one by one."""
+
+    number = 0
+
+    def see(self, *steps: Step, at: float | None = None, x: Array = NOWHERE) -> list[str]:
+        """Let inputs of agent a take effect, or a state be reached; return new deadlocks."""
+        self.number += 1
+        t = [] if at is None else [at]
+        states = States(indices([self.number] * len(t)), np.array(t), np.tile(x, (len(t), 1)))
+        return [text for _, text in self.add(states, inputs(steps, self.number))]
+
+
+def inputs(steps: Sequence[Step], number: int = 0) -> Inputs:
+    events = [(number + n, 0, s.k, s.t, s.t_apply, False) for n, s in enumerate(steps)]
+    return inputs_of(events, [s.u for s in steps], steps, np.full(3, 2))
+
+
 def line(t: np.ndarray, stop: float = np.inf) -> np.ndarray:
     """Return positions of an agent that moves along x at 1 m/s and stands from `stop` on."""
     return np.column_stack([np.minimum(t, stop), np.zeros_like(t)])
@@ -65,13 +88,13 @@ def deadlocks(
     patience: float = 5.0, binding: Mapping[int, tuple[int, ...]] = {},
 ) -> list[Deadlock]:  # fmt: skip
     """Watch an agent that wants to move while it is not at its goal, and another near it."""
-    watch = DeadlockWatch(swarm, 0.25, patience)
+    watch = Watched(swarm, 0.25, patience)
     for k, (at, point) in enumerate(zip(t.tolist(), p, strict=True)):
         other = [point[0], point[1] + (gap if np.isscalar(gap) else gap[k])]
-        new = watch.reached(at, np.concatenate([point, other, [90.0, 0.0]]))
-        assert [d.agent for d in new] in ([], ["a"])
+        new = watch.see(at=at, x=np.concatenate([point, other, [90.0, 0.0]]))
+        assert [text[:7] for text in new] in ([], ["agent a"])
         away = float(np.linalg.norm(point - goal)) > 0.5
-        watch.applied(0, at, step(at, (float(away), 0.0), binding=binding.get(int(at), (1,))))
+        watch.see(step(at, (float(away), 0.0), binding=binding.get(int(at), (1,))))
     return watch.deadlocks
 
 
@@ -127,10 +150,10 @@ def test_others_that_pass_behind_an_obstacle_next_to_it_are_no_way_out(swarm):
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
 def test_one_is_in_deadlock_if_it_wants_to_move_most_of_the_time(swarm, share):
-    watch = DeadlockWatch(swarm, 0.25, 5.0)
+    watch = Watched(swarm, 0.25, 5.0)
     for t in np.arange(0.0, 20.0, 0.05).tolist():
-        watch.reached(t, np.array([0.0, 0.0, 0.0, 2.0, 90.0, 0.0]))
-        watch.applied(0, t, step(t, (float(t % 1.0 < share), 0.0), binding=(1,)))
+        watch.see(at=t, x=np.array([0.0, 0.0, 0.0, 2.0, 90.0, 0.0]))
+        watch.see(step(t, (float(t % 1.0 < share), 0.0), binding=(1,)))
     assert bool(watch.deadlocks) == (share > 0.5)
 
 
@@ -169,18 +192,17 @@ def test_who_holds_it_is_whose_row_binds_and_not_who_is_nearest(swarm):
     ],
 )
 def test_a_wish_is_held_if_it_is_one_to_move_and_the_input_another(swarm, wish, u, held):
-    wishes = HeldWishes(swarm, 0)
-    wishes.applied(1.0, step(1.0, wish, u, (1,)))
-    assert (wishes.held, wishes.binding) == (held, (1,) if held else ())
-    assert wishes.seconds(1.25) == pytest.approx(0.25 * held)
+    columns, watch = inputs([step(1.0, wish, u, (1,))]), Watched(swarm)
+    assert Wishes(swarm).held(columns.i, columns.u, columns.u_nom).tolist() == [held]
+    watch.see(step(1.0, wish, u, (1,)))
+    assert watch.held_for(1.25).tolist() == [0.25 * held, 0.0, 0.0]
 
 
 def test_one_that_died_wants_nothing_though_its_actuator_holds_its_last_input(swarm):
-    wishes = HeldWishes(swarm, 0)
-    for k in range(5):
-        wishes.applied(0.25 * k, step(0.25 * k))
-    assert wishes.seconds(1.2) == pytest.approx(1.2)
-    assert wishes.seconds(50.0) == pytest.approx(1.6)
+    watch = Watched(swarm)
+    watch.see(*[step(0.25 * k) for k in range(5)])
+    assert watch.held_for(1.2)[0] == pytest.approx(1.2)
+    assert watch.held_for(50.0)[0] == pytest.approx(1.6)
 
 
 def test_words_name_the_longest_wait_of_each_and_no_more_than_so_many():

@@ -2,20 +2,60 @@
 
 import math
 
+import numpy as np
 import pytest
-from phalanx_plant.judge.claims import Claims, Finding
+from msgspec.structs import replace
+from phalanx_plant.judge.claims import TRUE, Claims, Finding
+from phalanx_plant.judge.event_columns import EventColumns
+from phalanx_plant.world.events import InputApplied, InputLost
 
 from phalanx.network.inbox import AnnouncedInput, DeliveryReport
+from phalanx.recording.columns import TrueStates
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
+from tests.unit.plant.reports import report
 
 TRUTH, LIE = AnnouncedInput(0.03, (1.0, 0.5)), AnnouncedInput(0.03, (-1.0, -0.5))
 
 
-def claims(**lie: object) -> Claims:
+class Told(Claims):
     """The claims of Simulation 1, where agent 2 lies."""
-    faults = [{"kind": "lie", "agent": "2", "for": 9.0, **lie}] if lie else []
-    return Claims(build_swarm(load("unicycles", {"faults": faults})))
+
+    def __init__(self, **lie: object) -> None:
+        faults = [{"kind": "lie", "agent": "2", "for": 9.0, **lie}] if lie else []
+        swarm = build_swarm(load("unicycles", {"faults": faults}))
+        super().__init__(swarm)
+        self._columns, self._x = EventColumns(swarm, self), swarm.start()
+        self._ks = dict.fromkeys(range(5), 100)
+
+    def add_truth(self, i: int, k: int, planned: AnnouncedInput, held_from: float) -> None:
+        """Let agent i's input k take effect."""
+        self._happen(i, k, planned.t_apply, held_from, planned.u)
+
+    def check(self, receiver: int, fate: DeliveryReport, t: float) -> Finding:
+        """Return what is found of a broadcast that an agent reports with its next input."""
+        self._ks[receiver] += 1
+        return self._happen(receiver, self._ks[receiver], t, t, (0.0, 0.0), fate).get(0, TRUE)
+
+    def _happen(
+        self, i: int, k: int, t: float, held_from: float, u: tuple[float, ...],
+        *fates: DeliveryReport,
+    ) -> dict[int, Finding]:  # fmt: skip
+        kind = InputLost if held_from == math.inf else InputApplied
+        event = kind(i, k, t, t if kind is InputLost else held_from, np.array(u))
+        columns = self._columns.of([replace(event, telemetry=report(k, fates=fates))])
+        nowhere = np.zeros(1, dtype=np.intp)
+        x = TrueStates(self._x[None], nowhere, nowhere)
+        return self.add(columns.inputs, x, columns.stated)
+
+    def heard_false(self, receiver: int, t_apply: float) -> bool:
+        """Return whether an agent was misled by agent 2."""
+        columns = np.array([receiver]), np.array([1]), np.array([t_apply]), np.array([1000])
+        return bool(self.misled(*columns)[0])
+
+
+def claims(**lie: object) -> Told:
+    return Told(**lie)
 
 
 def counted(checked: Claims) -> tuple[int, int, float | None]:
@@ -81,7 +121,7 @@ def test_an_input_that_was_held_late_or_never_makes_its_broadcast_false(held_fro
 def test_an_adversary_accuses_no_one():
     checked = claims()
     checked.add_truth(1, 3, TRUTH, TRUTH.t_apply)
-    assert checked.check(0, DeliveryReport(1, 3, 0.0, (), LIE), 0.04, believed=False) == Finding()
+    assert checked.check(4, DeliveryReport(1, 3, 0.0, (), LIE), 0.04) == Finding()
     assert counted(checked) == (0, 0, None)
     assert not checked.betrayals
 
@@ -92,6 +132,6 @@ def test_who_heard_a_false_claim_was_misled_from_the_time_that_it_names():
     for receiver, claim in ((0, LIE), (2, TRUTH)):
         checked.check(receiver, DeliveryReport(1, 3, 0.0, (), claim), 0.04)
     # As ages are reported, and times are sums of periods.
-    assert [checked.misled(i, 1, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
-    assert all(checked.misled(0, 1, LIE.t_apply + off) for off in (-1e-9, 1e-9))
-    assert not checked.misled(0, 1, LIE.t_apply - 0.01)
+    assert [checked.heard_false(i, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
+    assert all(checked.heard_false(0, LIE.t_apply + off) for off in (-1e-9, 1e-9))
+    assert not checked.heard_false(0, LIE.t_apply - 0.01)

@@ -186,7 +186,7 @@ def test_events_of_a_batch_before_one_that_fails_are_observed():
 def test_a_report_that_does_not_arrive_leaves_the_other_events_to_be_judged():
     desk, nothing = Desk(), np.zeros(2)
     queue = queue_of(desk)
-    queue.add([FIRST, *(InputApplied(i, 0, 0.0, 0.0, nothing, nothing) for i in (2, 0, 1)), LAST])
+    queue.add([FIRST, *(InputApplied(i, 0, 0.0, 0.0, nothing) for i in (2, 0, 1)), LAST])
     with pytest.raises(KeyError, match="2"):
         queue.judge_all()
     first, applied, last = desk.seen

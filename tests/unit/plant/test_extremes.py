@@ -25,9 +25,9 @@ def show(
     table = np.full((len(times), len(labels())), -50.0)
     for name, values in h.items():
         table[:, labels().index(name[1:].replace("_", "-"))] = values
-    truth.add(steps(times, table, table.max(axis=1) + 0.01))
-    (peak, _), crossings = truth.take(0)
-    return peak, [(t, truth.label(pair), unsafe) for t, pair, unsafe in crossings]
+    extremes = truth.add([steps(times, table, table.max(axis=1) + 0.01)], 1)
+    crossings = [(t, truth.label(pair), unsafe) for _, (t, pair, unsafe) in extremes.crossings]
+    return extremes.peak(0)[0], crossings
 
 
 def steps(
@@ -81,22 +81,44 @@ def test_the_worst_h_is_of_the_worst_pair_and_not_where_h_tot_is_largest():
     """Many pairs that are nearly unsafe make a larger h_tot than one that is."""
     truth = PairExtremes(pairs())
     show(truth, [0.1], p1_2=[0.3])
-    truth.add(steps([0.2], np.full((1, len(labels())), -0.001), np.array([0.9])))
-    truth.take(0)
+    nearly = steps([0.2], np.full((1, len(labels())), -0.001), np.array([0.9]))
+    assert truth.add([nearly], 1).peak(0) == (0.9, 0.3)
     assert (truth.worst_h, truth.worst_at, truth.worst_pair) == (0.3, 0.1, "1-2")
     assert (truth.largest_h_tot, truth.largest_h_tot_at) == (0.9, 0.2)
-    assert truth.now == (0.9, -0.001)
 
 
-def test_a_history_counts_once_it_is_taken_and_not_when_it_is_evaluated():
-    """Events are judged one by one, long after the states of many were evaluated together."""
-    truth, table = PairExtremes(pairs()), np.full((3, len(labels())), -1.0)
-    table[2, 0] = 0.5
-    truth.add(steps([0.1, 0.2, 0.3], table, table.max(axis=1), [0, 0, 1]))
-    assert truth.take(0) == ((-1.0, -1.0), [])
-    assert (truth.worst_h, truth.violations()) == (-1.0, [])
-    assert truth.take(1) == ((0.5, 0.5), [(0.3, 0, True)])
-    assert (truth.worst_h, truth.largest) == (0.5, 0)
+def test_histories_at_once_have_the_extremes_of_each_alone(rng):
+    """Some have no step, pairs come near and get away, and not all of them are looked at."""
+    together, alone = PairExtremes(pairs()), PairExtremes(pairs())
+    for excluded in (np.zeros(0, dtype=int), np.array([2, 3])):
+        for truth in (together, alone):
+            truth.exclude(excluded, 0.0)
+        blocks, first = [], 0
+        for size in rng.integers(1, 40, 3):
+            numbers = np.sort(first + rng.integers(0, 9, size))
+            h = np.round(rng.normal(-1.0, 0.7, (size, 6)), 1)
+            chosen = np.sort(rng.choice(len(labels()), 6, replace=False))
+            times = 0.1 * (first + np.arange(size))
+            block = steps(times.tolist(), h, np.round(h.max(axis=1) + 0.05, 1), numbers.tolist())
+            blocks.append(block._replace(pairs=chosen))
+            first = int(numbers[-1]) + 1
+        extremes = together.add(blocks, first + 2)
+        for number in range(first + 2):
+            parts = [
+                EvaluatedSteps(0 * b.numbers[m], b.times[m], b.pairs, b.h[m], b.h_tot[m], *b[5:])
+                for b in blocks
+                if (m := b.numbers == number).any()
+            ]
+            one = alone.add(parts, 1)
+            assert one.peak(0) == extremes.peak(number)
+            assert one.pairs[0] == extremes.pairs[number]
+            assert [c for _, c in one.crossings] == [
+                c for n, c in extremes.crossings if n == number
+            ]
+        assert together.violations() == alone.violations() != []
+        assert together.excluded() == alone.excluded()
+        assert (together.worst_h, together.worst_at) == (alone.worst_h, alone.worst_at)
+        assert together.largest_h_tot_at == alone.largest_h_tot_at
 
 
 def test_h_at_exactly_zero_is_safe():
@@ -136,12 +158,12 @@ def test_the_peak_is_that_of_a_history_and_of_the_value_before_it():
 
 def test_the_worst_pair_is_that_of_all_steps_and_the_largest_that_of_the_last():
     truth = PairExtremes(pairs())
-    for times, h, largest in (
-        ([0.1, 0.2], {"p3_5": [-1.0, -4.0], "p1_3": [-2.0, -2.0]}, "1-3"),
-        ([0.3], {"p1_2": [-3.0]}, "1-2"),
-    ):
-        show(truth, times, **h)
-        assert (truth.worst_pair, truth.label(truth.largest)) == ("3-5", largest)
+    table = np.full((3, len(labels())), -50.0)
+    table[:2, labels().index("3-5")], table[:2, labels().index("1-3")] = [-1.0, -4.0], -2.0
+    table[2, labels().index("1-2")] = -3.0
+    extremes = truth.add([steps([0.1, 0.2, 0.3], table, table.max(axis=1), [0, 0, 1])], 2)
+    assert truth.worst_pair == "3-5"
+    assert [labels()[pair] for pair in extremes.pairs] == ["1-3", "1-2"]
 
 
 def test_what_is_unsafe_at_the_start_is_so_from_zero_on():
@@ -165,7 +187,7 @@ def test_what_a_pair_does_once_it_is_excluded_is_not_counted():
     assert truth.in_words(Crossing(0.2, 0, True)).startswith("1-2 left the safe set, not counted")
     three_five = labels().index("3-5")
     assert truth.in_words(Crossing(0.2, three_five, True)) == "3-5 left the safe set"
-    assert (truth.worst_h, truth.worst_pair, truth.largest) == (0.5, "1-2", three_five)
+    assert (truth.worst_h, truth.worst_pair) == (0.5, "1-2")
 
 
 def labels() -> list[str]:

@@ -4,6 +4,9 @@ import casadi as ca
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from phalanx_plant.judge.claims import Claims
+from phalanx_plant.judge.coverage import Coverage
+from phalanx_plant.judge.event_columns import EventColumns
 from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import (
@@ -52,9 +55,9 @@ def apply(
 
     fields: more of its report on it.
     """
-    x, t_apply = rows_of_scenario("unicycles").swarm.start(), t if t_apply is None else t_apply
+    t_apply = t if t_apply is None else t_apply
     telemetry = report(k, replace(STEP, origin=origin), ages=ages, **fields)
-    (judged,) = happen(judge, InputApplied(i, k, t, t_apply, np.array(u), x, telemetry=telemetry))
+    (judged,) = happen(judge, InputApplied(i, k, t, t_apply, np.array(u), telemetry=telemetry))
     return judged
 
 
@@ -241,9 +244,9 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     judge = judge_of()
     phi = np.zeros(15)
     phi[3:6] = 1.73 / np.sqrt(3)
-    judge.assumptions.add(DisturbanceKnot(0.1, phi))
+    judge.assumptions.add_piece(DisturbanceKnot(0.1, phi))
     assert counted(judge, "disturbance bound") == (0, 1, None)
-    judge.assumptions.add(DisturbanceKnot(0.2, (1.0 + 1e-6) * phi))
+    judge.assumptions.add_piece(DisturbanceKnot(0.2, (1.0 + 1e-6) * phi))
     assert counted(judge, "disturbance bound") == (1, 2, 0.2)
 
 
@@ -261,13 +264,24 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
     )
 
 
+def hold(coverage: Coverage, i: int = 0, t: float = 0.0, seconds: float = 0.0, until=()) -> None:
+    """Certify agent i's pairs for so many seconds from t [s] on, or go on to other times."""
+    telemetry, swarm = report(0, STEP), rows_of_scenario("unicycles").swarm
+    events: list[Event] = [StateReached(at, swarm.start(), []) for at in until]
+    events += [] if until else [InputApplied(i, 0, t, t, np.zeros(2), telemetry=telemetry)]
+    columns, none = EventColumns(swarm, Claims(swarm)).of(events), np.zeros((0, 15))
+    issued = coverage.proven(columns.inputs, none if until else swarm.start()[None])
+    issued = issued._replace(seconds=np.full(len(issued.sides), seconds))
+    coverage.add(columns.states, columns.inputs, issued)
+
+
 @pytest.mark.slow
 def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate():
     coverage = judge_of().coverage
     pairs = rows_of_scenario("unicycles").swarm.safe_set.pairs
     (both,) = (k for k, pair in enumerate(pairs) if (pair.a, pair.b) == (0, 1))
     for i, t, seconds, ends in ((0, 1.0, 0.5, 1.5), (1, 1.1, 0.0, 1.5), (0, 1.2, 0.0, -np.inf)):
-        coverage.applied(i, t, np.full(7, seconds))
+        hold(coverage, i, t, seconds)
         assert coverage.ends[both] == ends
 
 
@@ -283,13 +297,13 @@ def test_until_its_first_input_a_start_is_certified_no_longer_than_it_takes_to_m
 def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
     judge = judge_of()
     for i in (0, 1, 2):
-        judge.coverage.applied(i, 0.0, np.full(7, 1.0))
+        hold(judge.coverage, i, 0.0, 1.0)
     if turns:
         command(judge, CommandKind.TURN, 0)
     for i in (1, 2):
-        judge.coverage.applied(i, 0.9, np.full(7, 2.0))
+        hold(judge.coverage, i, 0.9, 2.0)
     for t, uncovered in ((1.0, 0), (2.0, int(not turns))):
-        judge.coverage.reached(t)
+        hold(judge.coverage, until=[t])
         assert counted(judge, "certificates")[0] == uncovered
 
 
@@ -338,9 +352,8 @@ def test_what_happened_before_h_tot_is_no_number_is_judged_and_nothing_after_it(
 
 @pytest.mark.slow
 def test_an_input_without_its_report_is_not_judged():
-    judge, x = judge_of(), start_with(heading=0.0)
     with pytest.raises(ValueError, match="its report"):
-        happen(judge, InputApplied(0, 0, 0.0, 0.0, np.zeros(2), x))
+        happen(judge_of(), InputApplied(0, 0, 0.0, 0.0, np.zeros(2)))
 
 
 @pytest.mark.slow
@@ -429,22 +442,20 @@ def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
     """One pair's ends a second before all others."""
     coverage = judge_of().coverage
     coverage.ends[:], coverage.ends[3] = 2.0, 1.0
-    for t in (1.0, 1.25, 1.5):
-        coverage.reached(t)
+    hold(coverage, until=[1.0, 1.25, 1.5])
     certificates, summary = coverage.assumption, coverage.summary
     assert (certificates.failed, certificates.checked, certificates.first) == (2, 3, 1.25)
     assert summary.uncovered_at == 1.0
     coverage.ends[3] = 9.0
-    coverage.reached(1.5)
+    hold(coverage, until=[1.5])
     assert (coverage.least[0], coverage.least[3]) == (0.5, -0.5), "the least that was left"
 
 
 @pytest.mark.slow
 def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant():
     coverage = judge_of().coverage
-    coverage.applied(3, 1.0, np.zeros(0))
-    for i in range(3):
-        coverage.applied(i, 1.0, np.zeros(7))
+    for i in range(4):
+        hold(coverage, i, 1.0, 0.0)
     assert (coverage.ends == -np.inf).all()
 
 

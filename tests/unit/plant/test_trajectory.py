@@ -9,7 +9,7 @@ from phalanx_plant.world.events import InputApplied, StateReached
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
     trajectory = TrajectoryHash()
     state = np.full(15, x)
-    applied = InputApplied(i, k, t, t, np.array([u, 0.0]), state)
+    applied = InputApplied(i, k, t, t, np.array([u, 0.0]))
     trajectory.add([Judged(StateReached(t, state, [])), Judged(applied)])
     return trajectory.hexadecimal
 

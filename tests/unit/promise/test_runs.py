@@ -129,7 +129,7 @@ def ledger_after(t: float) -> PromiseLedger:
     ledger, x = PromiseLedger(swarm), swarm.start()
     for at, u in ((0.0, [0.1, 0.0]), (t, [0.0, 0.0])):
         ledger.sampled(0, at)
-        ledger.applied(InputApplied(0, 0, at, at, np.array(u), x), x, truthful=True)
+        ledger.applied(InputApplied(0, 0, at, at, np.array(u)), x, truthful=True)
     return ledger
 
 
