@@ -1,8 +1,7 @@
 """Tests of a swarm under network faults: pytest examples/testing"""
 
 import pytest
-
-from phalanx.testing import partition
+from phalanx_testing import partition
 
 
 @pytest.mark.phalanx(seeds=2)

@@ -6,7 +6,6 @@ import typer
 from typer.main import get_command, get_command_name
 
 from phalanx.cli.check import check, compile_scenario
-from phalanx.cli.conformance import conform
 from phalanx.cli.jobs import Job, group_by_job
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
@@ -42,8 +41,6 @@ def core() -> typer.Typer:
     app.command(rich_help_panel=Job.DEPLOY)(plant)
     app.command(rich_help_panel=Job.DEPLOY)(agent)
     app.command(rich_help_panel=Job.EXTEND)(schema)
-    settings = {"allow_interspersed_args": False}  # what follows is the program's
-    app.command("test-agent", rich_help_panel=Job.EXTEND, context_settings=settings)(conform)
     return app
 
 

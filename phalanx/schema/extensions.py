@@ -38,6 +38,7 @@ PACKAGES: Mapping[str, str] = {
     "ros2": "phalanx-ros2",
     "router": "phalanx-hosts",
     "shrink": "phalanx-attacks",
+    "test-agent": "phalanx-testing",
 }
 """The package of this repository that brings a command or an extension, by its name."""
 

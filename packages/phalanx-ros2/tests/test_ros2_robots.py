@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 from phalanx_ros2.world import Ros2
+from phalanx_testing import check_world
 
 import phalanx
 from phalanx.extend import WorldAgent
 from phalanx.swarm.swarm import build_swarm
-from phalanx.testing import check_world
 from phalanx.wire.session import open_hub, reserved_endpoint
 from tests.process.ros2_robots import CUT, ROBOT, robots, run_with_robots
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from phalanx_testing import check_world
 from phalanx_worlds.crazyflies import Crazyflies
 
 import phalanx
 from phalanx.extend import IdentifiedQuadrotor, Quadrotor, TripleIntegrator, WorldAgent
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.swarm.swarm import build_swarm
-from phalanx.testing import check_world
 
 START = np.array([1.0, 2.0, 3.0, 0.4, -0.3, 0.2, 0.5, 0.1, -0.05])
 

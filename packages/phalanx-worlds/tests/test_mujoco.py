@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from phalanx_testing import check_world
 from phalanx_worlds.mujoco import Failure, Mujoco
 
 import phalanx
@@ -14,7 +15,6 @@ from phalanx.extend import (
 )
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.guarantee.verdict import Outcome
-from phalanx.testing import check_world
 
 HEAVY = DynamicUnicycle(4.0, 8.0, drag=1.0, turn_drag=4.0)
 LIGHT = Unicycle(4.0, 2.0)

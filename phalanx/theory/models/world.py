@@ -62,7 +62,7 @@ class WorldStates(NamedTuple):
 class World(Protocol):
     """A simulator of robots. A scenario names it in `world`; a dataclass with these members is one.
 
-    `phalanx.testing.check_world` tries whether it keeps what is said here. A world whose attribute
+    `phalanx_testing.check_world` tries whether it keeps what is said here. A world whose attribute
     `real_time` is true runs in real time alone; a method `close()` is called after the run.
     `require_robots(dynamics)`, by agent, may raise ValueError of what cannot be its robots.
 

@@ -6,11 +6,11 @@ import pytest
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.world.foreign import ForeignIntegration
 from phalanx_plant.world.world import World
+from phalanx_testing import WorldMistakeError, check_world
 
 import phalanx
 from phalanx.extend import WorldAgent
 from phalanx.schema import registry
-from phalanx.testing import WorldMistakeError, check_world
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import advanced
 from tests.layers import layered

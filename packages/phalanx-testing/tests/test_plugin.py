@@ -3,18 +3,21 @@
 import ast
 import subprocess
 import sys
-from importlib.metadata import entry_points
+import tomllib
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from phalanx_testing.pytest import failure
 
 from phalanx.scenario.load import scenario_text
-from tests.unit.testing.crossing import CROSSING, UNFILTERED
+from tests.unit.crossing import CROSSING, UNFILTERED
 
 pytest_plugins = ["pytester"]
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "testing" / "test_unicycles.py"
+SHRINKING = Path(__file__).parents[2] / "phalanx-attacks" / "pyproject.toml"
 PROJECT = f"""
 import pytest
 CROSSING, UNFILTERED = {CROSSING!r}, {UNFILTERED!r}
@@ -29,7 +32,7 @@ def options(*others: str) -> list[str]:
     """Return the options of a session that loads the plugin, whether it is installed or not."""
     installed = any(entry.name == "phalanx" for entry in entry_points(group="pytest11"))
     return [
-        *([] if installed else ["-p", "phalanx.testing.pytest.plugin"]),
+        *([] if installed else ["-p", "phalanx_testing.pytest.plugin"]),
         "-p",
         "no:timeout",
         *others,
@@ -44,7 +47,7 @@ def run(pytester: pytest.Pytester, test: str, *others: str) -> pytest.RunResult:
 @pytest.mark.slow
 def test_a_test_of_a_swarm_under_faults_passes(pytester):
     test = """
-from phalanx.testing import partition
+from phalanx_testing import partition
 
 def test_crossing(phalanx_run):
     phalanx_run(CROSSING, loss=0.3, faults=[partition(["a"], at=0.5, for_=0.2)]).assert_guaranteed()
@@ -196,11 +199,10 @@ def sources(folder: Path, *others: str) -> dict[str, int]:
 @pytest.mark.slow
 def test_a_session_without_a_swarm_imports_less_than_a_hundredth_more(tmp_path):
     without = sources(tmp_path, "-p", "no:phalanx")
-    loaded = sources(tmp_path, "-p", "phalanx.testing.pytest.plugin")
+    loaded = sources(tmp_path, "-p", "phalanx_testing.pytest.plugin")
     more = {name: size for name, size in loaded.items() if name not in without}
-    plugin = "phalanx.testing.pytest.plugin"
-    assert set(more) == {"phalanx", "phalanx.testing", "phalanx.testing.pytest", plugin}
-    print(f"{len(more)} of {len(loaded)} modules, {sum(more.values())} of {sum(loaded.values())} B")
+    plugin = "phalanx_testing.pytest.plugin"
+    assert set(more) == {"phalanx", "phalanx_testing", "phalanx_testing.pytest", plugin}
     assert sum(more.values()) < 0.01 * sum(without.values())
 
 
@@ -227,3 +229,17 @@ def test_in_a_function(phalanx_run):
     result = run(pytester, test)
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(["*Hidden is made in a function*"])
+
+
+@pytest.mark.slow
+def test_a_failure_is_shrunk_before_it_is_kept(pytester, monkeypatch):
+    declared = tomllib.loads(SHRINKING.read_text("utf-8"))["project"]["entry-points"]
+    target = declared["phalanx.extensions"]["shrink"]
+    smallest = EntryPoint("shrink", target, "phalanx.extensions").load()
+    monkeypatch.setattr(failure, "extension", lambda name: smallest)
+    pytester.makeini("[pytest]\nphalanx_scenarios = kept\n")
+    result = run(pytester, FAILING, "--phalanx-shrink")
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines_random([r"shrunk: \d+ values instead of \d+, after \d+ runs"])
+    (file,) = pytester.path.glob("kept/*.toml")
+    assert tomllib.loads(file.read_text("utf-8"))["duration"] < 3.0

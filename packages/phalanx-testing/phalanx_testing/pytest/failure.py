@@ -14,8 +14,8 @@ from phalanx.launcher.verify import commands_of
 from phalanx.native.files import whole_file
 from phalanx.scenario.load import read_table, scenario_text
 from phalanx.schema.extensions import MissingExtensionError, extension
-from phalanx.testing.conditions import table_of_scenario
-from phalanx.testing.pytest.regressions import keep
+from phalanx_testing.conditions import table_of_scenario
+from phalanx_testing.pytest.regressions import keep
 
 
 def failure_lines(config: pytest.Config, test: str, run: Run, failed_claim: bool) -> Iterator[str]:

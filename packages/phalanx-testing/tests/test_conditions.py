@@ -4,14 +4,14 @@ import tomllib
 
 import pytest
 from hypothesis import given, settings
+from phalanx_testing import fault_tables, faults, faulty, networks, starts
+from phalanx_testing.conditions import table_of_scenario
+from phalanx_testing.fault_tables import table_of
 
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.load import load, scenario_text
 from phalanx.scenario.model import digest
-from phalanx.testing import fault_tables, faults, faulty, networks, starts
-from phalanx.testing.conditions import table_of_scenario
-from phalanx.testing.fault_tables import table_of
-from tests.unit.testing.crossing import CROSSING
+from tests.unit.crossing import CROSSING
 
 ONE_OF_EACH = [
     fault_tables.partition(["a"], at=1.0, for_=0.5),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from phalanx.faults.fault import Fault
-from phalanx.testing import fault_tables as of_kind
+from phalanx_testing import fault_tables as of_kind
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

@@ -11,7 +11,7 @@ import pytest
 
 from phalanx.native.files import whole_file
 from phalanx.scenario.load import scenario_text
-from phalanx.testing import run
+from phalanx_testing import run
 
 _TEST = "# test: "
 

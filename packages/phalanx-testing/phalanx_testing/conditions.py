@@ -7,7 +7,7 @@ from typing import Any
 from phalanx.faults.fault import Fault
 from phalanx.scenario.load import load, read_table
 from phalanx.scenario.model import Scenario
-from phalanx.testing.fault_tables import table_of
+from phalanx_testing.fault_tables import table_of
 
 Source = str | Path | Mapping[str, Any] | Scenario
 """A scenario as phalanx.load takes it, or as it returns it."""

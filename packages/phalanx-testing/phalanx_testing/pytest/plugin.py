@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pytest
 
 if TYPE_CHECKING:
-    from phalanx.testing import CheckedRun, LiveRun, RateStudy
+    from phalanx_testing import CheckedRun, LiveRun, RateStudy
 
 MARK = (
     "phalanx(seeds=1, vary={}): run the test with each seed (their number, or a list) and each "
@@ -106,10 +106,10 @@ def phalanx_case(request: pytest.FixtureRequest) -> Case:
 def phalanx_run(
     request: pytest.FixtureRequest, phalanx_case: Case, tmp_path: Path
 ) -> Callable[..., "CheckedRun"]:
-    """Return a function that runs a scenario under faults: `phalanx.testing.run`."""
+    """Return a function that runs a scenario under faults: `phalanx_testing.run`."""
 
     def run(scenario: Any, *, engine: str | None = None, **conditions: Any) -> "CheckedRun":
-        from phalanx.testing import run
+        from phalanx_testing import run
 
         chosen = engine or request.config.option.phalanx_engine
         engines = {"engine": chosen} if chosen else {}
@@ -125,11 +125,11 @@ def phalanx_run(
 def phalanx_live(
     request: pytest.FixtureRequest, phalanx_case: Case, tmp_path: Path
 ) -> Iterator[Callable[..., "LiveRun"]]:
-    """Yield a function that begins a run to step through: `phalanx.testing.start`."""
+    """Yield a function that begins a run to step through: `phalanx_testing.start`."""
     with ExitStack() as begun:
 
         def start(scenario: Any, **conditions: Any) -> "LiveRun":
-            from phalanx.testing import start
+            from phalanx_testing import start
 
             source, under = _conditions(request, phalanx_case, tmp_path, scenario, conditions)
             live = start(source, **under)
@@ -151,8 +151,8 @@ def _conditions(
 
 @pytest.fixture
 def phalanx_study() -> Callable[..., "RateStudy"]:
-    """Return the class of rates over seeds: `phalanx.testing.RateStudy`."""
-    from phalanx.testing import RateStudy
+    """Return the class of rates over seeds: `phalanx_testing.RateStudy`."""
+    from phalanx_testing import RateStudy
 
     return RateStudy
 
@@ -174,7 +174,7 @@ def pytest_runtest_makereport(
     error = call.excinfo and call.excinfo.value
     failed = getattr(error, "run", runs[-1] if runs else None)
     if report.when == "call" and report.failed and failed and isinstance(item, pytest.Function):
-        from phalanx.testing.pytest.failure import failure_lines
+        from phalanx_testing.pytest.failure import failure_lines
 
         lines, failed_claim = list[str](), isinstance(error, AssertionError)
         try:
@@ -192,7 +192,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         return None
     if file_path.parent not in parent.config.getini("phalanx_scenarios"):
         return None
-    from phalanx.testing.pytest.regressions import RegressionFile
+    from phalanx_testing.pytest.regressions import RegressionFile
 
     collected: pytest.Collector = RegressionFile.from_parent(parent, path=file_path)
     return collected

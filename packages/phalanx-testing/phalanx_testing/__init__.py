@@ -1,6 +1,6 @@
 """Tests of swarms under faults: runs with assertions, faults as objects, checks of your own code.
 
-    from phalanx.testing import partition, run
+    from phalanx_testing import partition, run
 
     run("warehouse", loss=0.3, faults=[partition(["cart-1"], at=5, for_=3)]).assert_safe()
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import phalanx
 
 if TYPE_CHECKING:
-    from phalanx.testing.claims import ClaimError
-    from phalanx.testing.conditions import faulty
-    from phalanx.testing.fault_tables import (
+    from phalanx_testing.claims import ClaimError
+    from phalanx_testing.conditions import faulty
+    from phalanx_testing.fault_tables import (
         actuator,
         clock,
         hijack,
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
         sensor,
         turn,
     )
-    from phalanx.testing.live import LiveRun, start
-    from phalanx.testing.rates import RateStudy
-    from phalanx.testing.runs import CheckedRun, Moment, run
-    from phalanx.testing.strategies import faults, networks, starts
-    from phalanx.testing.world import WorldMistakeError, check_world
+    from phalanx_testing.live import LiveRun, start
+    from phalanx_testing.rates import RateStudy
+    from phalanx_testing.runs import CheckedRun, Moment, run
+    from phalanx_testing.strategies import faults, networks, starts
+    from phalanx_testing.world import WorldMistakeError, check_world
 
 __all__ = [  # noqa: RUF022 - in the order of the documentation
     "run",

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from phalanx.launcher.stepped import SteppedRun, start_as
-from phalanx.testing.conditions import Source, faulty
-from phalanx.testing.runs import CheckedRun
+from phalanx_testing.conditions import Source, faulty
+from phalanx_testing.runs import CheckedRun
 
 
 class LiveRun(SteppedRun):

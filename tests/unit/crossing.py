@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from phalanx.testing import CheckedRun, run
+from phalanx_testing import CheckedRun, run
 
 CROSSING: dict[str, Any] = {
     "name": "crossing-pair",

@@ -7,7 +7,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.simulation import Simulation
 from phalanx.studies.statistics import LEVEL, Interval, beta_mixture
 from phalanx.swarm.runnable import shared_rows
-from phalanx.testing.conditions import Source, faulty
+from phalanx_testing.conditions import Source, faulty
 
 MOST_RUNS = 1000
 """Budget of a test unless another is given."""

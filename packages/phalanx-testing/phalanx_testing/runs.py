@@ -15,11 +15,11 @@ from phalanx.launcher.run import run as run_scenario
 from phalanx.launcher.verify import first_difference, verify
 from phalanx.recording.metrics.measures import Thresholds, deadlocks_of
 from phalanx.recording.metrics.table import metrics_of
-from phalanx.testing.claims import claim
-from phalanx.testing.conditions import Source, faulty
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.rows.origin import EMPTY
+from phalanx_testing.claims import claim
+from phalanx_testing.conditions import Source, faulty
 
 FASTEST_ENGINE = "in-process"
 """It runs every scenario, with the bits of processes."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from phalanx.cli.jobs import Job
 from phalanx.cli.options import Overrides
 from phalanx.launcher.streams import echo
 
@@ -27,6 +28,12 @@ class Protocol(StrEnum):
 
     STDIO = "stdio"
     ZENOH = "zenoh"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    settings = {"allow_interspersed_args": False}  # what follows is the program's
+    app.command("test-agent", rich_help_panel=Job.EXTEND, context_settings=settings)(conform)
 
 
 def conform(

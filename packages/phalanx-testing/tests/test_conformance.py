@@ -5,10 +5,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from phalanx_testing.conformance import _gaps, _steps
 
 import phalanx
 from phalanx.cli.app import status
-from phalanx.cli.conformance import _gaps, _steps
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.agents import Clock
 from phalanx.scenario.load import load

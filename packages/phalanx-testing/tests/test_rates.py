@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
+from phalanx_testing import RateStudy
+from phalanx_testing.rates import decided, runs_to_decide
 
 from phalanx.studies.statistics import beta_mixture
-from phalanx.testing import RateStudy
-from phalanx.testing.rates import decided, runs_to_decide
+from tests.unit.crossing import CROSSING, UNFILTERED
 from tests.unit.studies.test_statistics import draws, most_misses
-from tests.unit.testing.crossing import CROSSING, UNFILTERED
 
 LOOKS = np.arange(5, 501, 5)
 
