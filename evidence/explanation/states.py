@@ -15,12 +15,12 @@ from itertools import chain, combinations
 
 import numpy as np
 from phalanx_agent.step import ControlStep
+from phalanx_explain.advice import FIELDS, changes, frees, least_change
+from phalanx_explain.conflict import least_conflict
+from phalanx_explain.costs import RowCost, row_costs
+from phalanx_explain.repetition import ControllerSteps
 from rich.progress import track
 
-from phalanx.explain.advice import FIELDS, changes, frees, least_change
-from phalanx.explain.conflict import least_conflict
-from phalanx.explain.costs import RowCost, row_costs
-from phalanx.explain.repetition import ControllerSteps
 from phalanx.launcher.simulation import Simulation
 from phalanx.network.draws import Draws
 from phalanx.scenario.load import load

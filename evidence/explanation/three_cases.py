@@ -9,9 +9,10 @@ the law `unstick` around the scenario's.
 from pathlib import Path
 from typing import Any
 
+from phalanx_explain import moments
+from phalanx_explain.explanation import explain
+
 import phalanx
-from phalanx.explain import moments
-from phalanx.explain.explanation import explain
 from phalanx.launcher.run import Run
 from phalanx.recording.metrics.table import in_words, metrics_of
 from phalanx.recording.read import swarm_of

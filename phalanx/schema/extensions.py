@@ -31,10 +31,12 @@ EXTRAS: Mapping[str, str] = {
 PACKAGES: Mapping[str, str] = {
     "attack": "phalanx-attacks",
     "certify": "phalanx-certify",
+    "explain": "phalanx-explain",
     "fit": "phalanx-worlds",
     "keys": "phalanx-hosts",
     "mcap": "phalanx-mcap",
     "replay": "phalanx-attacks",
+    "reproduce": "phalanx-paper",
     "ros2": "phalanx-ros2",
     "router": "phalanx-hosts",
     "shrink": "phalanx-attacks",

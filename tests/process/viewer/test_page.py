@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
+from phalanx_explain.explanation import explain
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.page.page import Page
 from phalanx_viewer.plots.plots import content
 
 import phalanx
-from phalanx.explain.explanation import explain
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Log

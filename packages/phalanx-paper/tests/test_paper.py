@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from phalanx_paper.figures import FIGURES
+from phalanx_paper.page import claims
+from phalanx_paper.runs import CASES, Finished, finish
 
 from phalanx.cli.app import status
-from phalanx.report.paper.figures import FIGURES
-from phalanx.report.paper.page import claims
-from phalanx.report.paper.runs import CASES, Finished, finish
 from phalanx.report.style import ADVERSARY, NORMAL
 
 NUMBERS = list(range(1, 9))

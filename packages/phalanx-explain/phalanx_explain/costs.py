@@ -14,7 +14,6 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.explain.repetition import ControllerSteps
 from phalanx.guarantee.row_terms import ADVERSARY, ALLOWANCE, MOTION, PairRowTerms
 from phalanx.knowledge.sets import Boxes
 from phalanx.swarm.radio import RadioFilter
@@ -23,6 +22,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, inner, length
 from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.rows.origin import OF_PROOFS
+from phalanx_explain.repetition import ControllerSteps
 
 WISH, ANNOUNCED = "the wish", "the other's announced input"
 BINDS, OWN_PART_BINDS = 1e-6, 2e-3

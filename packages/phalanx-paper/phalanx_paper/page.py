@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from phalanx.report.html import figure, quiet, save_page, section, table
-from phalanx.report.paper.figures import FIGURES, PaperFigure
-from phalanx.report.paper.runs import RUNS_HEAD, Finished
 from phalanx.report.style import image_of
+from phalanx_paper.figures import FIGURES, PaperFigure
+from phalanx_paper.runs import RUNS_HEAD, Finished
 
 _ABOUT = (
     "Usevitch and Panagou, Adversarial Resilience for Sampled-Data Systems under "

@@ -31,9 +31,9 @@ def reproduce(
       phalanx reproduce paper
     """
     from phalanx.cli.display import spinner
-    from phalanx.report.paper.page import claims, write
-    from phalanx.report.paper.runs import finish
     from phalanx.scenario.load import field_and_value
+    from phalanx_paper.page import claims, write
+    from phalanx_paper.runs import finish
 
     with spinner("running") as show:
         runs = dict(finish(out / "runs", dict(map(field_and_value, overrides or ())), seed, show))

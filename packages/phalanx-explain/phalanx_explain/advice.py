@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from phalanx.explain.repetition import ControllerSteps
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario, to_json
 from phalanx.swarm.radio import gain
@@ -16,6 +15,7 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx_explain.repetition import ControllerSteps
 
 _EXACT = 0.02
 """Precision of a change, relative to it: the least that frees is not less."""

@@ -49,8 +49,8 @@ def explain(
     """
     import phalanx
     from phalanx.cli.display import TextTable, spinner
-    from phalanx.explain import moments
-    from phalanx.explain.explanation import explain as explanation_of
+    from phalanx_explain import moments
+    from phalanx_explain.explanation import explain as explanation_of
 
     if (at is not None) + worst + stuck != 1:
         raise typer.BadParameter("expected one of --at, --worst and --stuck")

@@ -8,14 +8,14 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from phalanx_explain import moments
+from phalanx_explain.advice import FIELDS, PAIRS, advice, changes, frees, least_change
+from phalanx_explain.costs import WISH, row_costs
+from phalanx_explain.explanation import explained
+from phalanx_explain.repetition import ControllerSteps, repeated
 
 import phalanx
 from phalanx.cli.app import FAILED, USAGE_ERROR, status
-from phalanx.explain import moments
-from phalanx.explain.advice import FIELDS, PAIRS, advice, changes, frees, least_change
-from phalanx.explain.costs import WISH, row_costs
-from phalanx.explain.explanation import explained
-from phalanx.explain.repetition import ControllerSteps, repeated
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.read import Recording
@@ -168,7 +168,7 @@ def test_a_change_of_a_millionth_is_as_exact_as_a_large_one(waiting, monkeypatch
     scenario = waiting.rows.swarm.scenario
     (path,), least = changes(scenario, alpha, 1.0), 2.9e-6
     (bound,) = changes(scenario, alpha, least).values()
-    monkeypatch.setattr("phalanx.explain.advice.frees", lambda _, values: values[path] >= bound)
+    monkeypatch.setattr("phalanx_explain.advice.frees", lambda _, values: values[path] >= bound)
     advised = least_change(waiting, alpha)
     assert least <= advised.share <= 1.03 * least
 

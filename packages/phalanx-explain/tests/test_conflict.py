@@ -4,8 +4,8 @@ from itertools import chain, combinations
 
 import numpy as np
 import pytest
+from phalanx_explain.conflict import given_up, least_conflict
 
-from phalanx.explain.conflict import given_up, least_conflict
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.polytope import Polytope, polytope
 from phalanx.theory.rows.qp import NearestInput

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from phalanx.recording.curves.history import EMPTY_CODES, ReportHistory
-from phalanx.report.paper.runs import Finished
 from phalanx.report.paths import draw_scene
 from phalanx.report.safety import required_distance, safety
 from phalanx.report.steps import inputs
 from phalanx.report.style import ADVERSARY, NORMAL
 from phalanx.theory.rows.origin import Origin
+from phalanx_paper.runs import Finished
 
 _MAGENTA = "#d10fd1"
 _STILLS = (0.25, 0.5, 0.75)

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from phalanx.explain.advice import Advice, advice
-from phalanx.explain.conflict import given_up, least_conflict
-from phalanx.explain.costs import RowCost, row_costs
-from phalanx.explain.repetition import ControllerSteps, repeated
 from phalanx.guarantee.row_terms import ALLOWANCE
 from phalanx.recording.read import Recording
 from phalanx.theory.rows.origin import origin_label
 from phalanx.theory.rows.row import Rows
+from phalanx_explain.advice import Advice, advice
+from phalanx_explain.conflict import given_up, least_conflict
+from phalanx_explain.costs import RowCost, row_costs
+from phalanx_explain.repetition import ControllerSteps, repeated
 
 _SMALL = 1e-6
 """Inputs that are shown as 0."""
