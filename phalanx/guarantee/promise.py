@@ -81,12 +81,12 @@ def grades(swarm: Swarm) -> Grades:
         )
     keepers = {i: Keeper(swarm, i) for i in swarm.normal}
     distances, passive, to_obstacles = _Spare(), _Spare(), _Spare()
-    everyone = tuple(range(len(swarm.members)))
+    everyone = np.arange(len(swarm.members))
     tubes = {i: keeper.tube(x, _nothing(swarm, i)) for i, keeper in keepers.items()}
     for i, keeper in keepers.items():
         room = keeper.room(x, everyone, _nothing(swarm, i))
         exits = swarm.safety.exit_velocity is not None
-        others = [l for l in everyone if l != i and not (exits and l in keeper.peers)]
+        others = [l for l in everyone.tolist() if l != i and not (exits and l in keeper.peers)]
         passive |= {(i, l): gap for l, gap in zip(others, room.members.tolist(), strict=True)}
         to_obstacles |= {(i, k): gap for k, gap in enumerate(room.obstacles.tolist())}
         later = {l: tubes[l] for l in keeper.peers if l > i}

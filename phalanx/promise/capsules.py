@@ -30,12 +30,45 @@ class Capsules(NamedTuple):
     radius: Array
     """shape (n,) [m]."""
 
-    def gaps(self, others: "Capsules") -> Array:
-        """Return how far each of the others, m of them, is from all of these at least; (m,) [m]."""
-        segments = (sides[:, None] for sides in self[:2]), (sides[None] for sides in others[:2])
-        distances = _between(*segments[0], *segments[1])
-        gaps = distances - self.radius[:, None] - others.radius[None]
-        least: Array = np.minimum.reduce(gaps, axis=0, initial=np.inf) - ROUNDING
+    def gaps(self, others: "Capsules", enough: float = np.inf) -> Array:
+        """Return how far each of the others, m of them, is from all of these at least; (m,) [m].
+
+        enough: a distance [m]; gaps beyond it may be larger than what is returned.
+        """
+        if not len(self.radius):
+            return np.full(len(others.radius), np.inf)
+        if enough == np.inf:
+            return self._nearest(others)
+        # Most are so far that balls around both are enough.
+        centers, radii = others.balls_around()
+        center = self.begin[0]
+        gaps: Array = length(centers - center) - radii - self.reach(center) - ROUNDING
+        near = np.flatnonzero(~(gaps >= enough))
+        if len(near):
+            begin, end, radius = (side[near] for side in others)
+            points = others.begin is others.end
+            gaps[near] = self._nearest(Capsules(begin, begin if points else end, radius))
+        return gaps
+
+    def reach(self, p: Array) -> float:
+        """Return a bound on how far any of their points is from p, shape (axes,) [m]."""
+        centers, radii = self.balls_around()
+        return float(np.maximum.reduce(length(centers - p) + radii))
+
+    def balls_around(self) -> tuple[Array, Array]:
+        """Return centers, shape (n, axes), and radii of balls around each."""
+        if self.begin is self.end:
+            return self.begin, self.radius
+        return 0.5 * (self.begin + self.end), 0.5 * length(self.end - self.begin) + self.radius
+
+    def _nearest(self, others: "Capsules") -> Array:
+        begin, end = self.begin[:, None], self.end[:, None]
+        if others.begin is others.end:
+            distances = _to_segment(others.begin, begin, end)
+        else:
+            distances = _between(begin, end, others.begin, others.end)
+        gaps = distances - self.radius[:, None] - others.radius
+        least: Array = np.minimum.reduce(gaps, axis=0) - ROUNDING
         return least
 
 
@@ -51,15 +84,15 @@ class Statics:
         centers = np.array([o.center for o in spheres.values()])
         self._spheres = balls(centers, np.array([o.clearance for o in spheres.values()]))
 
-    def far(self, p: Array, reach: float) -> bool:
-        """Return whether all are farther from a point than a way [m]: mostly that is enough."""
-        reach += ROUNDING
+    def gap(self, p: Array) -> float:
+        """Return by how much a point, shape (axes,), keeps more than each clearance [m]."""
+        least = np.inf
         if self._numbers:
             gaps = length(self._spheres.begin - p) - self._spheres.radius
-            if not (gaps > reach).all():
-                return False
-        solids, points = self._solids.values(), p[None]
-        return all(float(o.distances(points)[0]) - o.clearance > reach for o in solids)
+            least = float(np.minimum.reduce(gaps))
+        for obstacle in self._solids.values():
+            least = min(float(obstacle.distances(p[None])[0]) - obstacle.clearance, least)
+        return least - ROUNDING
 
     def gaps(self, capsules: Capsules) -> Array:
         """Return by how much capsules keep more than each clearance at least; (m,) [m].
@@ -97,7 +130,8 @@ def joined(parts: Sequence[Capsules], axes: int) -> Capsules:
     """Return the capsules of all parts together."""
     if not parts:
         return balls(np.empty((0, axes)), np.empty(0))
-    return Capsules(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    begin, end, radius = (np.concatenate(sides) for sides in zip(*parts, strict=True))
+    return Capsules(begin, begin if all(p.begin is p.end for p in parts) else end, radius)
 
 
 def _between(a: Array, b: Array, c: Array, d: Array) -> Array:

@@ -15,8 +15,9 @@ velocities L = 0, and e(z) = z.
 """
 
 from dataclasses import dataclass
-from math import log, sqrt
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from math import hypot, log, sqrt
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from phalanx.promise.capsules import Capsules, balls
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 
+FloatT = TypeVar("FloatT", float, Array)
 _PIECES = 8
 """Parts of a hold, each with its capsule."""
 STILL = 0.01
@@ -53,8 +55,11 @@ class Fallback(Protocol):
     def tube(self, x: Array, u: Array) -> Capsules:
         """T: where it is from now on, with the input u to its next sample, then its fallback."""
 
+    def extent(self, x: Array, u: Array) -> float:
+        """Bound on how far T reaches from where it is, so much faster to compute [m]."""
+
     def expected(self, x: Array) -> Capsules:
-        """W: one capsule of where an agent at x will be, its input and its reference unknown."""
+        """W of agents at x, shape (n, 2 axes): where each will be, input and reference unknown."""
 
     def rest_time(self, x: Array, u: Array) -> float:
         """Longest time until its reference is at rest, if it applies u and then stops [s]."""
@@ -72,24 +77,25 @@ class HoldPlace:
 
     def tube(self, x: Array, u: Array) -> Capsules:
         p, _ = halves(x)
-        motion = self.motion
-        widest = self._drift * motion.longest + motion.tube
-        return Capsules(p[None], (p + motion.longest * u)[None], np.array([widest]))
+        return Capsules(p[None], (p + self.motion.longest * u)[None], np.array([self._width]))
+
+    def extent(self, x: Array, u: Array) -> float:
+        return self.motion.longest * hypot(*u.tolist()) + self._width
 
     def expected(self, x: Array) -> Capsules:
         p, _ = halves(x)
         motion = self.motion
         # Tracking takes φ' at most, and has less than it can: so 2 ρ, for a reference, is less.
         farthest = (motion.fastest + motion.disturbance) * motion.longest + motion.tube
-        return balls(p[None], np.array([farthest]))
+        return balls(p, np.full(len(p), farthest))
 
     def rest_time(self, x: Array, u: Array) -> float:
         return self.motion.longest
 
-    @property
-    def _drift(self) -> float:
-        """φ': what a disturbance and the turning of a held velocity add [m/s]."""
-        return self.motion.tracking.reserve
+    @cached_property
+    def _width(self) -> float:
+        """Of T around the way [m]; φ', as tracking takes, is what φ and turning add [m/s]."""
+        return self.motion.tracking.reserve * self.motion.longest + self.motion.tube
 
 
 @dataclass(frozen=True)
@@ -107,14 +113,17 @@ class Brake:
         radius = self._moved(fastest, gain, 0.5 * step) + self._pushed(fastest) + motion.tube
         return self._segments(way, np.full(_PIECES, radius))
 
+    def extent(self, x: Array, u: Array) -> float:
+        return self.tube(x, u).reach(halves(x)[0])
+
     def expected(self, x: Array) -> Capsules:
-        motion, tracking, speed = self.motion, self.motion.tracking, float(length(halves(x)[1]))
+        motion, tracking, speed = self.motion, self.motion.tracking, length(halves(x)[1])
         gain = sqrt(motion.axes) * motion.acceleration + motion.drag * speed
         fastest = speed + gain * motion.longest
         following = self._moved(speed, gain, motion.longest) + self._pushed(fastest)
         turn = (speed + tracking.speed_tube) / motion.authority + motion.longest
         holding = motion.tube + turn * tracking.speed_tube
-        return self._segments(x[None], np.array([max(following, holding) + motion.tube]))
+        return self._segments(x, np.maximum(following, holding) + motion.tube)
 
     def rest_time(self, x: Array, u: Array) -> float:
         # It decelerates by at least ‖v‖ A / (‖v‖ + A τ), which gives the time from v to STILL.
@@ -132,12 +141,12 @@ class Brake:
         """Bound on ‖v'‖ under u without φ, which decays with drag [m/s²]."""
         return float(length(u - self.motion.drag * halves(x)[1]))
 
-    def _moved(self, speed: float, gain: float, time: float) -> float:
+    def _moved(self, speed: FloatT, gain: FloatT, time: float) -> FloatT:
         """Bound on how far both ends of the segment move within a time, from a speed [m]."""
         way = speed * time + 0.5 * gain * time * time
         return way + gain * (way / self.motion.authority + time * self._tau)
 
-    def _pushed(self, fastest: float) -> float:
+    def _pushed(self, fastest: FloatT) -> FloatT:
         """Bound on how far a disturbance moves both ends of the segment in one hold [m]."""
         off = self.motion.disturbance * self._tau
         turn = (fastest + off) / self.motion.authority + self._tau

@@ -14,11 +14,11 @@ from phalanx.theory.models.integrators import DoubleIntegrator
 
 
 class Reach(NamedTuple):
-    """One member's reach.
+    """The reach of members.
 
     >>> from phalanx.theory.models.integrators import SingleIntegrator
     >>> robot = Reach(SingleIntegrator(speed=1.0), disturbance=0.0)
-    >>> robot.within(np.zeros(2), np.zeros(2), 2.0).radius.round(2)
+    >>> robot.within(np.zeros((1, 2)), np.zeros((1, 2)), 2.0).radius.round(2)
     array([2.83])
     """
 
@@ -27,11 +27,14 @@ class Reach(NamedTuple):
     """Bound on the norm of φ."""
 
     def within(self, x: Array, p: Array, time: float) -> Capsules:
-        """Return one capsule of its output points, from p at the state x, within a time [s]."""
+        """Return all output points within a time [s], of n members with these dynamics.
+
+        From p, shape (n, axes), at the states x, shape (n, states); one capsule each.
+        """
         if isinstance(self.dynamics, DoubleIntegrator):
             return self._from_speed(x, p, time)
-        radius = self.dynamics.travel(x, time, self.disturbance)
-        return balls(p[None], np.array([radius]))
+        travels = [self.dynamics.travel(each, time, self.disturbance) for each in x]
+        return balls(p, np.array(travels))
 
     def for_ever(self, x: Array) -> tuple[float, float]:
         """Return bounds on its way from p at the state x: an offset [m], and a speed [m/s].
@@ -52,10 +55,10 @@ class Reach(NamedTuple):
         return more, steady + self.disturbance
 
     def _from_speed(self, x: Array, p: Array, time: float) -> Capsules:
-        """Return the way straight on, and around it what inputs and φ change."""
+        """Return the ways straight on, and around each what inputs and φ change."""
         assert isinstance(self.dynamics, DoubleIntegrator)
         factors = held(np.array(self.dynamics.drag), np.array(time))
         push = sqrt(self.dynamics.dimension) * self.dynamics.acceleration
         radius = push * factors.reach + self.disturbance * (time + factors.reach)
-        end = p + factors.speed * x[self.dynamics.dimension :]
-        return Capsules(p[None], end[None], np.array([float(radius)]))
+        end = p + factors.speed * x[:, self.dynamics.dimension :]
+        return Capsules(p, end, np.full(len(p), radius))

@@ -74,11 +74,16 @@ class Commitment:
         For *exit* v and input are those in its frame.
         """
         motion, reference = self.fallback.motion, self.reference
-        new = started(motion, t, x)
-        if reference is not None:
-            new = continued(motion, reference, t, self._velocity)
-        self._next = new
-        return tracked(motion, new, x)
+        if reference is None:
+            self._next = started(motion, t, x)
+            return self._next.u
+        self._next = continued(motion, reference, t, self._velocity)
+        return tracked(motion, self._next, x)
+
+    @property
+    def begins(self) -> bool:
+        """True if a fallback would begin whose input is the same in its frame as at rest."""
+        return self.reference is None and self._velocity is None
 
     def room(self, x: Array, u: Array, peers: Capsules, members: Capsules | Chasers) -> Room:
         """Return the room of the tube after the input u, shape (axes,).
@@ -95,8 +100,8 @@ class Commitment:
             assert velocity is not None
             gaps, way = members.gaps(tube, velocity), swept(tube, velocity)
         else:
-            gaps, way = tube.gaps(members), tube
-        peers_gaps = tube.gaps(peers)
+            gaps, way = tube.gaps(members, self._radius), tube
+        peers_gaps = tube.gaps(peers, self._radius)
         return Room(peers_gaps - self._radius, gaps - self._radius, self.obstacles.gaps(way))
 
     def follow(self, accepted: bool) -> None:

@@ -46,17 +46,19 @@ class CommittedPoint:
             self.motion = replace(motion, acceleration=least)
 
     def of(self, x: Array) -> Array:
-        """Return the point (p, v), shape (2 axes,), of a state, shape (n,)."""
-        point = self._point.of(x)
+        """Return the point (p, v), shape (2 axes,), of a state, shape (n,); or of rows of them."""
+        return self._in_frame(self._point.of(x))
+
+    def of_both(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the point, and its input, shape (axes,), of the agent's input, shape (m,)."""
+        point, w = self._point.of_both(x, u)
+        return self._in_frame(point), w if self._rest else w - self._input
+
+    def _in_frame(self, point: Array) -> Array:
         if self._rest:
             return point
         p, v = halves(point)
-        return np.concatenate([p, v - self._speed])
-
-    def input(self, x: Array, u: Array) -> Array:
-        """Return the point's input, shape (axes,), of the agent's input at x, shape (m,)."""
-        w = self._point.input(x, u)
-        return w if self._rest else w - self._input
+        return np.concatenate([p, v - self._speed], axis=-1)
 
     def applied(self, x: Array, u: Array) -> Array:
         """Return the agent's input of its point's input at x."""

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.knowledge.held import halves
-from phalanx.promise.capsules import ROUNDING, Capsules, joined
-from phalanx.promise.exit import Chasers
+from phalanx.knowledge.velocity import VelocityMotion
+from phalanx.promise.capsules import ROUNDING, Capsules
 from phalanx.promise.hold import STILL
 from phalanx.promise.rule import Commitment, Room
 from phalanx.scenario.model import ScenarioError
@@ -20,12 +20,11 @@ from phalanx.swarm.committed import (
     exit_velocity,
     fallback_of,
     largest_bound,
-    reach_of,
     trusted,
 )
-from phalanx.swarm.points import MovedByVelocity
+from phalanx.swarm.others import Others
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Bounded
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
@@ -55,93 +54,91 @@ class KeptInput(NamedTuple):
 class Keeper:
     """Agent i's rule of commitments."""
 
-    def __init__(self, swarm: Swarm, i: int) -> None:
-        """swarm: as agent i knows it. Raises ScenarioError where nothing can be promised."""
+    def __init__(self, swarm: Swarm, i: int, true_states: bool = False) -> None:
+        """Begin with no fallback under way. Raises ScenarioError where nothing can be promised.
+
+        Args:
+            swarm: as agent i knows it.
+            true_states: whether samples are of the true motion: from one then follows how long
+                nothing can come near. A sensor's next sample may differ from its last.
+        """
         if refusals := refusals_of(swarm, i):
             raise ScenarioError(f"{swarm.scenario.name}: safety.keep: {refusals[0]}")
         function = swarm.safety.safe_set_function
         assert isinstance(function, Distance | Separation)
         self._swarm, self._i, self.radius = swarm, i, function.radius
-        self.peers, self._velocity = trusted(swarm, i), exit_velocity(swarm)
-        self._points = {l: committed_point(swarm, l) for l in (i, *self.peers)}
-        self._fallbacks = {l: fallback_of(swarm, l) for l in (i, *self.peers)}
-        self._reaches = {l: reach_of(swarm, l) for l in range(len(swarm.members)) if l != i}
-        self._far = np.array([self._farthest(l) for l in range(len(swarm.members))])
-        """By member, how far it reaches in what counts of it, at any state [m]."""
+        self._velocity, self._others = exit_velocity(swarm), Others(swarm, i)
+        self._point, self._fallback = committed_point(swarm, i), fallback_of(swarm, i)
+        self.peers, motion, exits = self._others.peers, self._fallback.motion, self._velocity
+        self._farthest = np.full(len(swarm.members), np.inf)
+        """By member, how far W and A of it reach, at any state [m]."""
+        self._alone_until = -np.inf
+        """Until then nothing can come near enough to matter [s]."""
+        if motion.jumps:
+            self._farthest = self._others.farthest(swarm, motion.longest, exits is not None)
+        self._closing, self._bounded = self._others.closing(swarm), true_states and motion.jumps
         self.commitment = Commitment(
-            self._fallbacks[i], self.radius, swarm.scenario.obstacles, self._velocity
+            self._fallback, self.radius, swarm.scenario.obstacles, self._velocity
         )
 
-    def __call__(self, t: float, x: Array, seen: tuple[int, ...], u: Array) -> KeptInput:
+    def __call__(self, t: float, x: Array, seen: Sequence[int], u: Array) -> KeptInput:
         """Decide on the input u, shape (m_i,), at a sample x, shape (n̄,), of the agents seen."""
-        state, point = x[self._swarm.safe_set.parts[self._i]], self._points[self._i]
-        back = point.applied(state, self.commitment.fallback_input(t, point.of(state)))
+        state = x[self._swarm.safe_set.parts[self._i]]
+        own, w = self._point.of_both(state, u)
+        begins, fallback = self.commitment.begins, self.commitment.fallback_input(t, own)
+        back = None if begins else self._point.applied(state, fallback)
         # What the fallback would do anyway does not end it.
-        accepted = not np.array_equal(u, back) and self._accepts(x, seen, u)
+        same = w.tolist() == fallback.tolist() if back is None else u.tolist() == back.tolist()
+        accepted = not same and self._accepts(t, x, seen, own, w)
         self.commitment.follow(accepted)
-        return KeptInput(u if accepted else back, accepted)
+        if accepted:
+            return KeptInput(u, True)
+        return KeptInput(self._point.applied(state, fallback) if back is None else back, False)
 
-    def _accepts(self, x: Array, seen: tuple[int, ...], u: Array) -> bool:
-        """Return whether u leaves room, towards those that are near enough to matter."""
-        tube, places = self.tube(x, u), self._swarm.positions(x)
-        p = places[self._i]
-        ends = np.maximum(length(tube.begin - p), length(tube.end - p)) + tube.radius
-        reach = float(np.maximum.reduce(ends))
-        away = length(places - p) - self._far
-        close = np.flatnonzero(~(away > self.radius + reach + ROUNDING)).tolist()
-        near = tuple([l for l in close if l in seen])
-        if not near and self._velocity is None and self.commitment.obstacles.far(p, reach):
+    def _accepts(self, t: float, x: Array, seen: Sequence[int], own: Array, w: Array) -> bool:
+        """Return whether w leaves room, towards those that are near enough to matter."""
+        if t < self._alone_until:
             return True
-        return self.room(x, near, u).least >= 0.0
+        places, members = self._swarm.positions(x), np.array(seen, dtype=np.intp)
+        p, extent = places[self._i], self._fallback.extent(own, w)
+        away = length(places[members] - p) - self._farthest[members] - self.radius - ROUNDING
+        near = members[~(away > extent)]
+        if self._velocity is None and near.tolist() == [self._i]:
+            free = self.commitment.obstacles.gap(p)
+            if self._bounded:
+                self._alone_until = t + self._time_alone(away, free, members)
+            if free > extent:
+                return True
+        return self._room(x, near, places, own, w).least >= 0.0
 
-    def _farthest(self, l: int) -> float:
-        """Bound on how far from member l's output point W and A reach [m]."""
-        swarm, x = self._swarm, self._swarm.start()
-        if l == self._i:
-            return -np.inf
-        bounded = isinstance(swarm.members[l].dynamics, MovedByVelocity)
-        chases = self._velocity is not None and l not in self.peers
-        if not bounded or chases or not self._fallbacks[self._i].motion.jumps:
-            return np.inf
-        part, p = swarm.safe_set.parts[l], swarm.positions(x)[l]
-        time = self._fallbacks[self._i].motion.longest
-        reaches = [self._reaches[l].within(x[part], p, time)] if self._velocity is None else []
-        reaches += [self.expected(l, x)] if l in self.peers else []
-        return max(float(reach.radius[0]) for reach in reaches)
+    def _time_alone(self, away: Array, free: float, members: Index) -> float:
+        """Return how long nothing can come near, whatever all do [s]."""
+        motion = self._fallback.motion
+        assert isinstance(motion, VelocityMotion)
+        fastest = np.array([motion.fastest])
+        widest, closing = self._fallback.extent(fastest, fastest), self._closing[members]
+        times = (away - widest) / closing
+        times[members == self._i] = (free - widest) / closing[members == self._i]
+        return float(np.minimum.reduce(times))
 
-    def room(self, x: Array, seen: tuple[int, ...], u: Array) -> Room:
-        """Return the room of the tube after u, shape (m_i,)."""
-        swarm, i = self._swarm, self._i
-        parts, places = swarm.safe_set.parts, swarm.positions(x)
-        own, axes = self._points[i].of(x[parts[i]]), places.shape[1]
-        w = self._points[i].input(x[parts[i]], u)
-        expected = [self.expected(l, x) for l in seen if l in self.peers]
-        members: Capsules | Chasers
-        if self._velocity is None:
-            time = self._fallbacks[i].rest_time(own, w)
-            others = [l for l in seen if l != i]
-            reaches = [self._reaches[l].within(x[parts[l]], places[l], time) for l in others]
-            members = joined(reaches, axes)
-        else:
-            members = self._chasers([l for l in seen if l != i and l not in self.peers], x, places)
-        return self.commitment.room(own, w, joined(expected, axes), members)
+    def room(self, x: Array, near: Index, u: Array) -> Room:
+        """Return the room of the tube after u, shape (m_i,), towards the members that are near."""
+        state, places = x[self._swarm.safe_set.parts[self._i]], self._swarm.positions(x)
+        return self._room(x, near, places, *self._point.of_both(state, u))
 
-    def _chasers(self, others: Sequence[int], x: Array, places: Array) -> Chasers:
-        """Return all that keep no rule, each where its offset brings it nearest."""
-        parts = self._swarm.safe_set.parts
-        ways = [self._reaches[l].for_ever(x[parts[l]]) for l in others]
-        offsets, speeds = np.array(ways).reshape(-1, 2).T
-        return Chasers(places[list(others)], offsets, speeds)
+    def _room(self, x: Array, near: Index, places: Array, own: Array, w: Array) -> Room:
+        expected = self._others.expected(near, x, places)
+        if self._velocity is not None:
+            chasers = self._others.chasers(near, x, places)
+            return self.commitment.room(own, w, expected, chasers)
+        time = self._fallback.rest_time(own, w)
+        reached = self._others.reached(near, x, places, time)
+        return self.commitment.room(own, w, expected, reached)
 
     def tube(self, x: Array, u: Array) -> Capsules:
         """Return T of the input u, shape (m_i,), at x, shape (n̄,)."""
-        state, point = x[self._swarm.safe_set.parts[self._i]], self._points[self._i]
-        return self._fallbacks[self._i].tube(point.of(state), point.input(state, u))
-
-    def expected(self, l: int, x: Array) -> Capsules:
-        """Return W of a peer."""
-        state = x[self._swarm.safe_set.parts[l]]
-        return self._fallbacks[l].expected(self._points[l].of(state))
+        state = x[self._swarm.safe_set.parts[self._i]]
+        return self._fallback.tube(*self._point.of_both(state, u))
 
     def restart(self) -> None:
         """Forget the fallback under way: another process has taken over."""
@@ -168,12 +165,13 @@ def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
         refusals.append(Refusal("limits", what))
     if (velocity := safety.exit_velocity) is not None:
         refusals += _of_exit(swarm, i, velocity)
-    for l in () if refusals else (i, *trusted(swarm, i)):
+    kinds = {swarm.group_numbers[l]: l for l in (*reversed(trusted(swarm, i)), i)}
+    for l in () if refusals else sorted(kinds.values(), key=lambda l: l != i):
         refusals += _of_agent(swarm, l)
-    for l, member in enumerate(swarm.members):
-        if l != i and not isinstance(member.dynamics, Bounded):
-            what = f"expected dynamics with `travel`, which bound how far {member.name} can get"
-            refusals.append(Refusal(f"dynamics of {member.name}", what))
+    for l in (first if first != i else last for first, last in swarm.ends):
+        if l != i and not isinstance(swarm.members[l].dynamics, Bounded):
+            what = f"expected dynamics with `travel`, which bound how far {swarm.names[l]} can get"
+            refusals.append(Refusal(f"dynamics of {swarm.names[l]}", what))
     return refusals or _blind(swarm, i)
 
 
@@ -229,17 +227,10 @@ def least_sight(swarm: Swarm, i: int) -> float | None:
 
     None if there is no such distance, as speeds are unbounded.
     """
-    others = [l for l in range(len(swarm.members)) if l != i]
-    if not all(isinstance(swarm.members[l].dynamics, MovedByVelocity) for l in (i, *others)):
-        return None
-    function, x = swarm.safety.safe_set_function, swarm.start()
+    fallback, function = fallback_of(swarm, i), swarm.safety.safe_set_function
     assert isinstance(function, Distance | Separation)
-    parts, places, peers = swarm.safe_set.parts, swarm.positions(x), trusted(swarm, i)
-    expected = {
-        l: fallback_of(swarm, l).expected(committed_point(swarm, l).of(x[parts[l]]))
-        for l in (i, *peers)
-    }
-    time = fallback_of(swarm, i).motion.longest
-    reaches = [reach_of(swarm, l).within(x[parts[l]], places[l], time) for l in others]
-    farthest = max([float(r.radius[0]) for r in (*reaches, *expected.values())])
-    return function.radius + float(expected[i].radius[0]) + farthest
+    if not fallback.motion.jumps:
+        return None
+    farthest = float(Others(swarm, i).farthest(swarm, fallback.motion.longest, False).max())
+    own = fallback.expected(np.zeros((1, 2 * swarm.groups[i].axes)))
+    return function.radius + float(own.radius[0]) + farthest if farthest < np.inf else None

@@ -46,6 +46,10 @@ class AgentPoint:
         """Return the point's input, shape (axes,), of the agent's input at x, shape (m,)."""
         return u
 
+    def of_both(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the point, and its input, as `of` and `input` do."""
+        return self.of(x), self.input(x, u)
+
     def applied(self, x: Array, u: Array) -> Array:
         """Return the agent's input of its point's input at x, without what rounding adds."""
         return self._box.nearest(u)
@@ -80,6 +84,10 @@ class OutputPoint(AgentPoint):
 
     def input(self, x: Array, u: Array) -> Array:
         return dot(self._map(x)[1], u)
+
+    def of_both(self, x: Array, u: Array) -> tuple[Array, Array]:
+        p, to_velocity = self._map(x)
+        return np.concatenate([p, np.zeros_like(p)]), dot(to_velocity, u)
 
     def applied(self, x: Array, u: Array) -> Array:
         return super().applied(x, _solved(self._map(x)[1], u[None])[0])

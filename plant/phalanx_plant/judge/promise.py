@@ -5,7 +5,7 @@ the rule would have let through, or its fallback does, is answered with itself; 
 promise of that agent. No agent is asked.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from phalanx.guarantee.verdict import BrokenPromise, PromiseSummary, Violation
 from phalanx.knowledge.motion import Motion
 from phalanx.swarm.keep import Keeper
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array
+from phalanx.theory.arrays import Array, Mask
 from phalanx_plant.world.events import InputApplied
 from phalanx_plant.world.world import DisturbanceKnot
 
@@ -26,8 +26,17 @@ class PromiseLedger:
 
     def __init__(self, swarm: Swarm) -> None:
         """Begin at x(0)."""
-        self._swarm, self._grades = swarm, grades(swarm)
-        self._keepers = {i: Keeper(swarm, i) for i in swarm.normal}
+        self._swarm, promised = swarm, grades(swarm)
+        self._refused = "; ".join(promised.refusals)
+        pairs, safe_set = [pair[:2] for pair in swarm.safe_set.pairs], swarm.safe_set
+        labels = self._numbers = {safe_set.label(p): k for k, p in enumerate(safe_set.pairs)}
+        """Of pairs by their labels."""
+        self._pairs = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+        self._for_ever = np.isin(np.arange(len(pairs)), [labels[p] for p in promised.for_ever])
+        both = [[(a, b) in promised.sides, (b, a) in promised.sides] for a, b in pairs]
+        self._aside = np.array(both, dtype=bool).reshape(-1, 2)
+        """By pair and side, whether it is promised not to hit the other; shape (p, 2)."""
+        self._keepers = {i: Keeper(swarm, i, true_states=True) for i in swarm.normal}
         self._last = dict.fromkeys(swarm.normal, 0.0)
         """By agent, the time of its last sample [s]."""
         self._stands: dict[int, list[tuple[float, bool]]] = {i: [] for i in swarm.normal}
@@ -61,7 +70,8 @@ class PromiseLedger:
         if i in self._turned or i not in self._keepers:
             return
         keeper = self._keepers[i]
-        answer = keeper(t, x, self._swarm.seen(i, x), event.u)
+        # Whom the agent does not see is too far to matter.
+        answer = keeper(t, x, range(len(self._swarm.members)), event.u)
         if not np.array_equal(answer.u, event.u):
             why = "an input that the rule does not let through"
             self._break(i, t, why if truthful else f"{why}: its sample was false")
@@ -99,35 +109,29 @@ class PromiseLedger:
         for i in self._keepers:
             if i not in self._turned:
                 self._check_gap(i, t)
-        unsafe = {v.pair: v for v in violations}
-        kept, promised, broken = [0, 0], 0, list(self._broken.values())
-        for pair in self._swarm.safe_set.pairs:
-            label = self._swarm.safe_set.label(pair)
-            grade = self._grade(label, *pair[:2])
-            if grade is None:
-                continue
-            promised += 1
-            sides = [i for i in pair[:2] if i in self._keepers and i not in self._turned]
-            if any(i in self._broken for i in sides):
-                continue
-            excursion = unsafe.get(label)
-            if excursion and (grade == 0 or not self._hit_at_rest(sides, excursion)):
+        acting = self._among(self._keepers.keys() - self._turned.keys())
+        whole = (acting == self._among(self._keepers)).all(axis=1)
+        for_ever = self._for_ever & whole
+        passively = ~for_ever & acting.any(axis=1) & (~acting | self._aside).all(axis=1)
+        promised, broken = for_ever | passively, list(self._broken.values())
+        kept = promised & ~(acting & self._among(self._broken)).any(axis=1)
+        for excursion in violations:
+            k = self._numbers[excursion.pair]
+            sides = self._pairs[k][acting[k]].tolist()
+            if kept[k] and (for_ever[k] or not self._hit_at_rest(sides, excursion)):
                 names = "-".join(self._swarm.names[i] for i in sides)
-                broken.append(BrokenPromise(names, excursion.first, f"{label} was unsafe"))
-                continue
-            kept[grade] += 1
+                why = f"{excursion.pair} was unsafe"
+                broken.append(BrokenPromise(names, excursion.first, why))
+                kept[k] = False
         broken.sort(key=lambda b: b.t)
         turned = {self._swarm.names[i]: at for i, at in self._turned.items()}
-        refused = "; ".join(self._grades.refusals)
-        return PromiseSummary(kept[0], kept[1], promised, broken, turned, refused)
+        first, second = int(np.sum(for_ever & kept)), int(np.sum(passively & kept))
+        every, refused = int(np.sum(promised)), self._refused
+        return PromiseSummary(first, second, every, broken, turned, refused)
 
-    def _grade(self, label: str, a: int, b: int) -> int | None:
-        """Return 0 of a pair promised for ever, 1 passively, None if nothing is promised."""
-        sides = [(i, l) for i, l in ((a, b), (b, a)) if i in self._keepers]
-        acting = [side for side in sides if side[0] not in self._turned]
-        if label in self._grades.for_ever and len(acting) == len(sides):
-            return 0
-        return 1 if acting and all(side in self._grades.sides for side in acting) else None
+    def _among(self, agents: Collection[int]) -> Mask:
+        """Return by pair and side whether it is one of these agents, shape (p, 2)."""
+        return np.isin(self._pairs, [*agents])
 
     def _hit_at_rest(self, sides: Sequence[int], excursion: Violation) -> bool:
         """Return whether all of these stood when a pair's excursions began."""

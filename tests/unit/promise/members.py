@@ -112,7 +112,7 @@ def keep(due: Member, members: list[Member], t: float, u: np.ndarray, attackers=
     """Let a member apply u, or its fallback's input."""
     axes, commitment, x = due.motion.axes, due.commitment, due.x.copy()
     back = commitment.fallback_input(t, x)
-    others = [m.commitment.fallback.expected(m.x) for m in members if m is not due]
+    others = [m.commitment.fallback.expected(m.x[None]) for m in members if m is not due]
     reach = attackers(due, commitment.fallback.rest_time(x, u)) if attackers else none(axes)
     accepted = commitment.room(x, u, joined(others, axes), reach).least >= 0.0
     commitment.follow(accepted)

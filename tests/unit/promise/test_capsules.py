@@ -82,14 +82,13 @@ def test_obstacles_have_their_gaps_in_their_order():
 
 
 @pytest.mark.parametrize("number", range(len(OBSTACLES)))
-def test_obstacles_are_far_from_a_point_where_its_ball_is_clear_of_each(number):
+def test_the_gap_of_a_point_is_that_to_the_nearest_obstacle(number):
     p, others = np.array([9.0, 9.0]), [Sphere((-90.0, 0.0), 1.0), Wall((-1.0, 0.0), 90.0)]
     obstacles = [*others, OBSTACLES[number]]
     gap = OBSTACLES[number].distances(p[None])[0] - OBSTACLES[number].clearance
-    assert Statics(obstacles).far(p, abs(gap) - 1e-3) is bool(gap > 0.0)
-    assert not Statics(obstacles).far(p, gap + 1e-3)
-    assert Statics(others).far(p, gap + 1e-3)
-    assert Statics([]).far(p, 1e6)
+    assert Statics(obstacles).gap(p) == pytest.approx(gap - ROUNDING)
+    assert Statics(others).gap(p) > gap + 1e-3
+    assert Statics([]).gap(p) == np.inf
 
 
 def test_no_capsule_is_infinitely_far():

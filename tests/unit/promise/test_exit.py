@@ -137,9 +137,10 @@ def test_in_the_moving_frame_a_point_has_less_of_its_inputs_and_its_speed_less_w
     )
     point, x, u = committed_point(swarm, 0), np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.25, 0.5])
     assert point.motion.acceleration == 4.0 - 0.5 * 2.0
-    assert point.of(x).tolist() == [1.0, 2.0, 3.0 - 1.5, 4.0 + 2.0]
-    assert point.input(x, u).tolist() == [0.25 - 0.75, 0.5 + 1.0]
-    assert point.applied(x, point.input(x, u)).tolist() == u.tolist()
+    own, w = point.of_both(x, u)
+    assert own.tolist() == point.of(x).tolist() == [1.0, 2.0, 3.0 - 1.5, 4.0 + 2.0]
+    assert w.tolist() == [0.25 - 0.75, 0.5 + 1.0]
+    assert point.applied(x, w).tolist() == u.tolist()
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_an_agent_stays_in_its_tube_and_in_what_others_expect_of_it(name, seed):
     def look(t):
         way.append(agent.p)
         if len(way) % 16 == 1:
-            expected.append((len(way), agent.commitment.fallback.expected(agent.x)))
+            expected.append((len(way), agent.commitment.fallback.expected(agent.x[None])))
 
     blocked = lambda *_: disc(agent.p, 0.0)  # noqa: E731
     push = drawn_push(rng, axes)
@@ -103,7 +103,7 @@ def test_others_expect_at_least_every_tube():
             x = np.zeros(2 * axes)
             x[axes:] = 0.0 if motion.jumps else rng.uniform(-2.0, 2.0, axes)
             u = motion.inputs.corners[rng.integers(len(motion.inputs.corners))]
-            tube, expected = fallback.tube(x, u), fallback.expected(x)
+            tube, expected = fallback.tube(x, u), fallback.expected(x[None])
             if motion.jumps:
                 assert expected.gaps(tube).max() <= -2.0 * tube.radius.max() + 1e-5
             ends = np.concatenate([tube.begin, tube.end])

@@ -167,7 +167,7 @@ def test_without_one_part_an_agent_leaves_its_tube_or_what_others_expect(motion,
     way, fallback = way_of(motion, u, phi), hold(motion)
     mistaken = hold(replace(motion, **THOUGHT[part]))
     for tube in ("tube", "expected"):
-        counted = (np.zeros(4), u) if tube == "tube" else (np.zeros(4),)
+        counted = (np.zeros(4), u) if tube == "tube" else (np.zeros((1, 4)),)
         assert getattr(fallback, tube)(*counted).gaps(way).max() <= 0.0
         # W counts a speed in every direction, so that turns change its tubes alone.
         if (tube, part) != ("expected", "turns"):
@@ -179,7 +179,7 @@ def test_w_counts_the_reference_that_others_do_not_see(motion):
     # It holds a place, and is at one end of its tube: it may come to be at the other.
     fallback, tube = hold(motion), motion.tube
     other_end = disc([-2.0 * tube, 0.0], 0.0)
-    expected = fallback.expected(np.zeros(4))
+    expected = fallback.expected(np.zeros((1, 4)))
     assert expected.gaps(other_end)[0] <= 0.0
     of_the_ball_around_it = expected._replace(radius=np.array([tube]))
     assert of_the_ball_around_it.gaps(other_end)[0] > 0.0
@@ -225,7 +225,7 @@ def test_a_member_reaches_no_farther_than_its_capsule():
         robot = Reach(DoubleIntegrator(acceleration=2.0, drag=drag, dimension=2), 0.1)
         motion = PointMotion(2, 2.0, drag, 0.1, 0.05, 0.02)
         x = np.array([1.0, 2.0, 1.5, -0.5])
-        capsule, way = robot.within(x, x[:2], 0.6), []
+        capsule, way = robot.within(x[None], x[None, :2], 0.6), []
         for _ in range(30):
             agent = member(motion, x)
             for _ in range(12):

@@ -1,5 +1,7 @@
 """Runs in which agents keep the rule: what is promised before, and what is kept after."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from phalanx_plant.judge.promise import PromiseLedger
@@ -200,11 +202,26 @@ def test_the_rule_decides_the_same_where_far_members_are_left_out():
         x[:4] = rng.uniform(-1.6, 1.6, 4)
         if n % 2:  # near the obstacle alone
             x[:4] = [rng.uniform(-1.0, 1.0), rng.uniform(-2.0, -1.5), 9.0, 9.0]
-        whole = keeper.room(x, members, u).least >= 0.0
+        whole = keeper.room(x, np.array(members), u).least >= 0.0
         assert keeper(0.0, x, members, u).accepted is whole
         keeper.restart()
         decided.add(whole)
     assert decided == {False, True}
+
+
+def test_the_judge_decides_the_same_while_it_knows_that_nothing_can_come_near():
+    swarm = build_swarm(scenario(agents__0__start=[[-3.0, -3.0], [3.0, 3.0]]))
+    agent, judge, x = Keeper(swarm, 0), Keeper(swarm, 0, true_states=True), swarm.start()
+    decided, skipped, u = Counter(), 0, np.ones(2)
+    for t in 0.05 * np.arange(80):
+        skipped += t < judge._alone_until
+        answer, judged = agent(t, x, (0, 1, 2), u), judge(t, x, range(3), u)
+        assert (judged.u.tolist(), judged.accepted) == (answer.u.tolist(), answer.accepted)
+        decided[answer.accepted] += 1
+        # Both come as fast as they can.
+        x[:2] += 0.05 * answer.u
+        x[2:4] -= 0.05
+    assert 20 < skipped < decided[True] < 80
 
 
 def words(**changes) -> str:
