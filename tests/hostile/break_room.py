@@ -1,41 +1,34 @@
 """Break a room's code in small ways, one at a time, and see whether its nearest tests notice.
 
-    python -m tests.hostile.break_room ROOM [--sample N] [--workers N]
+    python -m tests.hostile.break_room ROOM [--sample N]
 
-Each mutant runs in a process of its own, forked from this one, which has the libraries, in a copy
-of the sources. Tests that call the function that was changed come first. The room `by-hand` is the
-table of `mutants.py`, all of which must be killed; of others LEAST. `tonight` is another room each
-day. Exits with 1 if too many survived.
+Tests are collected once, in a copy of the sources, and run in a fork for each mutant: those alone
+that run the statement that is changed, the fastest first. The room `by-hand` is the table of
+`mutants.py`, all of which must be killed; of others LEAST. `tonight` is another room each day.
+Exits with 1 if too many survived.
 """
 
 import argparse
+import ast
 import importlib
-import json
-import multiprocessing
-import os
-import resource
-import shlex
+import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-import threading
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
-from multiprocessing.connection import wait
-from multiprocessing.context import ForkProcess
+from itertools import groupby
+from multiprocessing.connection import Connection
 from pathlib import Path
-from types import CodeType
 from typing import Any, NamedTuple
 
-import pytest
 from rich.progress import Progress
 
-from tests.hostile.drawn_mutants import Lines, difference, drawn, equivalents
+from tests.hostile.drawn_mutants import Place, difference, drawn, equivalents
+from tests.hostile.forks import COLLECTING, NOT_IN_PLACE, Executed, Forks, Lines, running
 from tests.hostile.mutants import MUTANTS, ROOT, broken
 from tests.hostile.rooms import ROOMS
 
@@ -45,13 +38,9 @@ LEAST = 0.9
 KILLED, SURVIVED, TIMEOUT = "killed", "SURVIVED", "timeout"
 _OUTCOMES = {None: TIMEOUT, 0: SURVIVED}
 """By pytest's status; none if it was ended."""
+_SHORT = 0.25
+"""Seconds of a test that uses what others set up."""
 _LIBRARIES = "casadi cmaes hypothesis mcap msgspec osqp pydantic scipy.sparse typer zenoh"
-_PATHS = (
-    "", "agent", "plant", "viewer",
-    *(f"packages/phalanx-{name}" for name in ("attacks", "certify", "hosts", "worlds")),
-)  # fmt: skip
-_LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
-"""Bytes that a mutant's process may use, and write into a file."""
 
 
 class Mutant(NamedTuple):
@@ -59,7 +48,7 @@ class Mutant(NamedTuple):
 
     what: str
     file: str
-    lines: Lines
+    lines: Place
     text: str
     tests: str
 
@@ -68,171 +57,96 @@ class Mutant(NamedTuple):
         return f"{self.file}:{self.lines.number}: {self.what}\n- {old}\n+ {new}"
 
 
-class Entered(NamedTuple):
-    """The functions of ours that a test called: file, first line, last line."""
-
-    seconds: float
-    functions: list[tuple[str, int, int]]
-
-
-class Order:
-    """A plugin of pytest: tests that call a changed function first, the fastest of them first."""
-
-    def __init__(self, seconds: dict[str, float]) -> None:
-        self._seconds = seconds
-        sys.dont_write_bytecode = True
-        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items.sort(key=lambda item: self._seconds.get(item.nodeid, float("inf")))
-
-
-class Calls:
-    """A plugin of pytest that writes which functions of a folder each test calls."""
-
-    def __init__(self, folder: Path, file: Path) -> None:
-        self._folder, self._file = f"{folder}/", file
-        self._entered: dict[str, Entered] = {}
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        codes: set[CodeType] = set()
-        begun = time.monotonic()
-
-        def see(frame: Any, event: str, _: object) -> None:
-            if event == "call":
-                codes.add(frame.f_code)
-
-        threading.setprofile(see)
-        sys.setprofile(see)
-        try:
-            return (yield)
-        finally:
-            sys.setprofile(None)
-            functions = [
-                (code.co_filename.removeprefix(self._folder), code.co_firstlineno, max(lines))
-                for code in codes.copy()  # a thread may add still
-                if code.co_filename.startswith(self._folder)
-                and (lines := [line for *_, line in code.co_lines() if line])
-            ]
-            self._entered[item.nodeid] = Entered(time.monotonic() - begun, functions)
-
-    def pytest_sessionfinish(self) -> None:
-        self._file.write_text(json.dumps(self._entered))
-
-
-class Run:
-    """A run of tests in a copy of the sources, in a process of its own."""
-
-    def __init__(self, copy: Path, tests: str, plugin: type, *arguments: object) -> None:
-        self.log, self._begun = copy.with_suffix(".log"), time.monotonic()
-        self.process: ForkProcess = multiprocessing.get_context("fork").Process(
-            target=self._test, args=(copy, tests, plugin, *arguments)
-        )
-        self.process.start()
-
-    @property
-    def seconds(self) -> float:
-        return time.monotonic() - self._begun
-
-    def end(self) -> int | None:
-        """End all that the tests started; return pytest's status, or none if it ran still."""
-        status = self.process.exitcode
-        with suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.join()
-        return status
-
-    def _test(self, copy: Path, tests: str, plugin: type, *arguments: object) -> None:
-        os.setsid()
-        for kind, most in _LIMITS.items():
-            resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
-        with self.log.open("wb") as log, open(os.devnull, "rb") as none:
-            for number, file in enumerate((none, log, log)):
-                os.dup2(file.fileno(), number)
-        sys.stdout = sys.stderr = open(1, "w", closefd=False)  # noqa: SIM115
-        paths = [str(copy / name) for name in _PATHS]
-        temporary = copy.with_suffix(".tmp")
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir()
-        tempfile.tempdir = str(temporary)
-        os.environ.update(PYTHONPATH=os.pathsep.join(paths), TMPDIR=str(temporary))
-        sys.path[:] = [*paths, *(path for path in sys.path if path not in ("", str(ROOT)))]
-        os.chdir(copy)
-        for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
-            del sys.modules[name]
-        options = ["-x", "-q", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not nightly"]
-        status = pytest.main([*options, *shlex.split(tests)], [plugin(*arguments)])
-        sys.stdout.flush()
-        os._exit(status)
-
-
 class Room:
-    """A room's mutants, and what is known from runs of its tests without one."""
+    """A room's mutants, a copy of all sources, and what tests run there without a mutant."""
 
     def __init__(self, folder: Path, mutants: list[Mutant]) -> None:
-        self._folder, self._mutants = folder, mutants
-        self._clean = folder / "clean"
-        _copy_sources(self._clean)
-        self._entered: dict[str, dict[str, Entered]] = {}
+        self._copy, self._mutants = folder / "copy", sorted(mutants, key=lambda m: m.tests)
+        self._files = {mutant.file for mutant in mutants}
+        _copy_sources(self._copy)
+        self._executed: dict[str, dict[str, Executed]] = {}
 
     def run_clean(self) -> None:
         """Run the tests of all mutants without one. Raises RuntimeError if they fail."""
         for tests in dict.fromkeys(mutant.tests for mutant in self._mutants):
-            calls = self._folder / "calls.json"
-            run = Run(self._clean, tests, Calls, self._clean, calls)
-            try:
-                run.process.join()
-            finally:
-                status = run.end()
-            if status:
-                raise RuntimeError(f"without a mutant: {tests}\n{run.log.read_text()[-3000:]}")
-            self._entered[tests] = {
-                test: Entered(*entered) for test, entered in json.loads(calls.read_text()).items()
-            }
+            with running(self._copy, tests, Lines, self._copy, self._files) as (process, pipe):
+                with suppress(EOFError):
+                    self._executed[tests] = pipe.recv()
+                process.join()
+            if process.exitcode:
+                log = self._copy.with_suffix(".log").read_text()
+                raise RuntimeError(f"without a mutant: {tests}\n{log[-3000:]}")
 
-    def outcomes(self, workers: int) -> Iterator[tuple[Mutant, str]]:
-        """Run the tests with each mutant, a few at a time; yield each with how it ended."""
-        free = [self._folder / f"worker-{i}" for i in range(workers)]
-        for copy in free:
-            shutil.copytree(self._clean, copy)
-        running: dict[Path, tuple[Mutant, Run, float]] = {}
-        waiting = self._mutants[::-1]
-        try:
-            while waiting or running:
-                while waiting and free:
-                    mutant, copy = waiting.pop(), free.pop()
-                    (copy / mutant.file).write_text(mutant.text, "utf-8")
-                    tests, first, limit = self._nearest(mutant)
-                    running[copy] = mutant, Run(copy, tests, Order, first), limit
-                wait([run.process.sentinel for _, run, _ in running.values()], timeout=1.0)
-                for copy, (mutant, run, limit) in list(running.items()):
-                    if run.seconds > limit or run.process.exitcode is not None:
-                        yield mutant, _OUTCOMES.get(run.end(), KILLED)
-                        shutil.copy2(self._clean / mutant.file, copy / mutant.file)
-                        del running[copy]
-                        free.append(copy)
-        finally:
-            for _, run, _ in running.values():
-                run.end()
+    def outcomes(self) -> Iterator[tuple[Mutant, str]]:
+        """Run the tests with each mutant, one after the other; yield each with how it ended."""
+        for tests, mutants in groupby(self._mutants, lambda mutant: mutant.tests):
+            with running(self._copy, tests, Forks) as (_, pipe):
+                for mutant in mutants:
+                    file = self._copy / mutant.file
+                    clean = file.read_text("utf-8")
+                    file.write_text(mutant.text, "utf-8")
+                    yield mutant, self._outcome(mutant, clean, pipe)
+                    file.write_text(clean, "utf-8")
 
-    def _nearest(self, mutant: Mutant) -> tuple[str, dict[str, float], float]:
-        """Return the files of the tests that call what a mutant changes, or all if none does.
+    def _outcome(self, mutant: Mutant, clean: str, collected: Connection) -> str:
+        """Test a mutant in a fork of what is collected, or anew where that ran what is changed."""
+        tests, is_early = self._nearest(mutant, clean)
+        executed = self._executed[mutant.tests]
+        limit, status = 30.0 + 5.0 * sum(executed[test][0] for test in tests), NOT_IN_PLACE
+        if not is_early:
+            change = str(self._copy / mutant.file), clean, mutant.text
+            status = _answer(collected, tests, limit, change)
+        files = [*dict.fromkeys(map(_file, tests))] if status == NOT_IN_PLACE else []
+        for some in filter(None, (files[:1], files[1:])):
+            with running(self._copy, " ".join(some), Forks) as (_, anew):
+                if status := _answer(anew, tests, limit):
+                    break
+        return _OUTCOMES.get(status, KILLED)
 
-        With the seconds of those tests, and a limit in seconds: tests of a file share what they
-        set up, so that all are run.
+    def _nearest(self, mutant: Mutant, clean: str) -> tuple[list[str], bool]:
+        """Return the tests that run what a mutant changes, or all if none does, the fastest first.
+
+        Tests of a file share what they set up: those that took little time are run as well. And
+        return whether collecting runs it, so that what follows from it has to be collected again.
         """
-        entered = self._entered[mutant.tests]
-        calling = {
-            test: seconds
-            for test, (seconds, functions) in entered.items()
-            for file, first, last in functions
-            if file == mutant.file and first <= mutant.lines.number <= last
-        }
-        files = {_file(test) for test in calling or entered}
-        limit = 20.0 + 3.0 * sum(e.seconds for test, e in entered.items() if _file(test) in files)
-        return " ".join(sorted(files)), calling, limit
+        lines = _run_with(clean, mutant, self._copy, self._files)
+        executed = self._executed[mutant.tests]
+        running = {test for test, by in executed.items() if any(lines[f] & by[1][f] for f in lines)}
+        is_early = COLLECTING in running
+        tests = running - {COLLECTING} or executed.keys() - {COLLECTING}
+        files = {_file(test) for test in tests}
+        short = {t for t, by in executed.items() if _file(t) in files and by[0] < _SHORT}
+        return sorted(tests | short, key=lambda test: executed[test][0]), is_early
+
+
+def _answer(pipe: Connection, *request: Any) -> Any:
+    """Return pytest's status, 1 if it ends before: what is changed cannot be imported."""
+    try:
+        pipe.send(request)
+        return pipe.recv()
+    except (EOFError, ConnectionError):
+        return 1
+
+
+def _run_with(text: str, mutant: Mutant, folder: Path, files: set[str]) -> dict[str, set[int]]:
+    """Return lines by file of which one at least is run where what a mutant changes matters.
+
+    They are those of its statement; outside functions those that name what it defines.
+    """
+    line, rows = mutant.lines.number, text.splitlines()
+    statements = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.stmt))
+    around = [node for node in statements if node.lineno <= line <= (node.end_lineno or 0)]
+    if any(isinstance(n, ast.FunctionDef) and n.body[0].lineno <= line for n in around):
+        is_simple = not hasattr(around[-1], "body") and not hasattr(around[-1], "cases")
+        whole = range(around[-1].lineno, (around[-1].end_lineno or 0) + 1)
+        return {mutant.file: {line, *(whole if is_simple else ())}}
+    first = r"\s*(?:class |async def |def )?(\w*)"
+    names = "|".join(re.match(first, rows[node.lineno - 1])[1] for node in around)
+    named = re.compile(rf"\b({names})\b" if names else "$^")
+    return {
+        file: {i for i, row in enumerate((folder / file).open(), 1) if named.search(row)}
+        for file in files
+    }
 
 
 def _file(test: str) -> str:
@@ -269,7 +183,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("room", choices=[*ROOMS, BY_HAND, TONIGHT])
     parser.add_argument("--sample", type=int, default=100)
-    parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     name = options.room
     if name == TONIGHT:
@@ -284,7 +197,7 @@ def main() -> None:
         task = progress.add_task(name, total=len(mutants))
         room = Room(Path(folder).resolve(), mutants)
         room.run_clean()
-        for mutant, outcome in room.outcomes(options.workers):
+        for mutant, outcome in room.outcomes():
             counts[outcome] += 1
             if outcome != KILLED:
                 progress.console.print(

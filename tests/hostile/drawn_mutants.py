@@ -9,7 +9,7 @@ import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from difflib import SequenceMatcher
-from itertools import permutations
+from itertools import permutations, zip_longest
 from typing import Any, NamedTuple
 
 import parso
@@ -132,11 +132,12 @@ class Change(NamedTuple):
 
 
 def drawn(name: str, room: Room, number: int) -> list[Change]:
-    """Draw positions in the room's files, and one change for each; all if there are no more."""
+    """Draw positions in the room's files, and one change for each; then a second, and so on."""
     draw = random.Random(f"{SEED} {name}")
     files = sorted({str(f.relative_to(ROOT)) for p in room.sources for f in ROOT.glob(p)})
-    positions = [changes for file in files for changes in _by_position(file)]
-    return [draw.choice(changes) for changes in draw.sample(positions, min(number, len(positions)))]
+    positions = [draw.sample(c, len(c)) for file in files for c in _by_position(file)]
+    draw.shuffle(positions)
+    return [c for turn in zip_longest(*positions) for c in turn if c][:number]
 
 
 def _by_position(file: str) -> Iterable[list[Change]]:
@@ -172,7 +173,7 @@ def _is_left_out(node: Node) -> bool:
     return False
 
 
-class Lines(NamedTuple):
+class Place(NamedTuple):
     """The lines that differ, without their indents."""
 
     number: int
@@ -180,13 +181,13 @@ class Lines(NamedTuple):
     new: str
 
 
-def difference(old: str, new: str) -> Lines:
+def difference(old: str, new: str) -> Place:
     """The first line that differs, and all lines that do."""
     a, b = old.splitlines(), new.splitlines()
     blocks = [c for c in SequenceMatcher(None, a, b, False).get_opcodes() if c[0] != "equal"]
     olds = [a[i].strip() for _, start, end, _, _ in blocks for i in range(start, end)]
     news = [b[i].strip() for *_, start, end in blocks for i in range(start, end)]
-    return Lines(blocks[0][1] + 1, "\n".join(olds), "\n".join(news))
+    return Place(blocks[0][1] + 1, "\n".join(olds), "\n".join(news))
 
 
 def equivalents() -> list[dict[str, str]]:
