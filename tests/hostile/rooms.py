@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-SEED = 50
+SEED = 2911
 """Of the places that are drawn in a room."""
 
 
@@ -57,7 +57,8 @@ ROOMS = {
     "identities": Room(
         ("phalanx/messages/*.py", "packages/phalanx-hosts/*/authority.py"),
         "tests/unit/identities tests/unit/messages packages/phalanx-hosts/tests"
-        " tests/unit/hostile/test_messages.py tests/unit/network/test_rules.py",
+        " tests/unit/hostile/test_messages.py tests/unit/network/test_rules.py"
+        " tests/unit/plant/test_publisher.py",
     ),
     "cli-status": Room(
         ("phalanx/cli/*.py", "phalanx/launcher/verify.py", "phalanx/launcher/interrupt.py"),

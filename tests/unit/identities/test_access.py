@@ -114,6 +114,10 @@ def test_no_program_comes_in_as_the_plant_where_that_is_the_hub_itself():
     assert PLANT not in {subject["id"] for subject in RULES["subjects"]}
     shared = access_control(KEYS, {"4": ("4",)}, NAMES, with_plant=True)
     assert may(shared, PLANT, "ingress", "put", KEYS.sample("4"))
+    for hub in (PLANT, ROUTER):
+        admitted = admission(swarm_of_scenario("unicycles"), Membership("r", "", b"s", hub))
+        assert (PLANT in admitted.passwords) == (hub == ROUTER)
+        assert not any(word in repr(admitted) for word in admitted.passwords.values())
 
 
 def may(rules: dict[str, Any], name: str, flow: str, message: str, key: str) -> bool:

@@ -124,7 +124,9 @@ def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
 
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_of_a_message_has_the_fields_that_the_page_says(name):
-    own = [field for field, _ in tables()[name]]
+    own, config = [field for field, _ in tables()[name]], PARTS[name].__struct_config__
+    assert config.array_like
+    assert config.forbid_unknown_fields == (name != "AgentStatus")
     inherited = list(StepReport.__struct_fields__) if name == "AppliedStep" else []
     assert inherited + own == list(PARTS[name].__struct_fields__)
 

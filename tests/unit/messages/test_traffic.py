@@ -25,6 +25,16 @@ def test_the_size_is_that_of_the_largest_broadcast_of_a_run(name, monkeypatch):
 
 
 def test_words_name_each_kind_of_broadcast_and_nothing_where_none_is_heard():
-    radio = traffic_in_words(build_swarm(phalanx.load("radio")))
-    assert radio == "2.86 a second and agent, of at most 945 bytes: 2.7 kB/s"
+    rogue = {"type": "give-way", "gains": [1.0], "speed": 1.5}
+    of_one = {
+        "radio": {"every": 5, "relays": 1},
+        "goal": [[-6.0, 0.0]],
+        "role": "normal",
+        "law": rogue,
+    }
+    changes = {f"agents.1.{field}": value for field, value in of_one.items()}
+    assert traffic_in_words(build_swarm(phalanx.load("crossing-radio", changes))) == (
+        "4 a second and agent, of at most 409 bytes: 1.64 kB/s; "
+        "4 a second and agent, of at most 213 bytes: 0.852 kB/s"
+    )
     assert traffic_in_words(build_swarm(phalanx.load("centralised"))) == ""
