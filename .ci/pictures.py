@@ -85,7 +85,7 @@ MAKERS = (
     ),
     *(
         Maker(
-            f"evidence/worlds/{name}.py --seeds 20 --picture docs/images/{name}.png",
+            f"evidence/worlds/{name}.py --seeds 1 --picture docs/images/{name}.png",
             f"{name}.png",
             (f"evidence/worlds/{name}.py", "evidence/worlds/kept.py",
              f"scenarios/worlds/{name}.toml"),

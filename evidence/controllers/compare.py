@@ -35,6 +35,8 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     "faults/turn": BAD,
 }
 """With the network's faults, where the scenario has none, and the first part of long ones [s]."""
+_TIMEOUT = 300.0
+"""[s]: on a busy machine cbfpy compiles for longer than a controller may think."""
 _UNFIT = ("orca needs", "cbfpy is for")
 """In the errors of controllers that cannot serve a scenario's agents."""
 METRICS = {
@@ -81,7 +83,7 @@ def main() -> None:
 
 def settings(name: str, title: str, whole: bool = False) -> dict[str, Any]:
     """Return the overrides of a scenario and a controller; whole: for its own duration."""
-    overrides = {**SCENARIOS[name], **CONTROLLERS[title]}
+    overrides = {**SCENARIOS[name], **CONTROLLERS[title], "time.timeout": _TIMEOUT}
     return {k: v for k, v in overrides.items() if not (whole and k == "duration")}
 
 
@@ -95,14 +97,20 @@ def of_run(seed: int, name: str, title: str, whole: bool) -> Result | None:
     return msgspec.json.decode(path.read_bytes(), type=Result | None)
 
 
-def measured(name: str, overrides: dict[str, Any], seed: int) -> Result | None:
+def simulated(name: str, overrides: dict[str, Any], seed: int) -> phalanx.Run | None:
     """Run once, in this process; None if the controller does not fit the scenario."""
     try:
-        run = phalanx.run(phalanx.load(name, overrides, seed=seed), engine="in-process")
+        return phalanx.run(phalanx.load(name, overrides, seed=seed), engine="in-process")
     except phalanx.ScenarioError as error:
         if any(words in str(error) for words in _UNFIT):
             return None
         raise
+
+
+def measured(name: str, overrides: dict[str, Any], seed: int) -> Result | None:
+    """Measure one run; None if the controller does not fit the scenario."""
+    if (run := simulated(name, overrides, seed)) is None:
+        return None
     summary = run.summary
     assert summary is not None
     table = run.metrics

@@ -12,9 +12,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 
 import matplotlib.pyplot as plt
-from compare import CONTROLLERS, OURS, SCENARIOS, settings
-
-import phalanx
+from compare import CONTROLLERS, OURS, SCENARIOS, settings, simulated
 
 
 def main() -> None:
@@ -38,10 +36,7 @@ def draw(axes: Any, name: str, seed: int) -> None:
     """Draw h_tot of a scenario under each controller that fits, and where it is first unsafe."""
     scale = 0.0
     for k, title in enumerate(CONTROLLERS):
-        try:
-            scenario = phalanx.load(name, settings(name, title), seed=seed)
-            run = phalanx.run(scenario, engine="in-process")
-        except phalanx.ScenarioError:
+        if (run := simulated(name, settings(name, title), seed)) is None:
             continue
         states, style = run.states, {"color": f"C{k}", "lw": 2.0 if title == OURS else 1.0}
         t, h = states["t"].to_numpy(), states["h_tot"].to_numpy()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phalanx.scenario.load import shipped
+from phalanx.scenario.load import load, shipped
 from phalanx.scenario.model import MAX_AGENTS
 from phalanx.scenario.safety import Safety
 from phalanx.schema.built_in import BUILT_IN
@@ -60,6 +60,12 @@ def test_a_dynamics_has_its_fields_on_the_page(name):
     (listed,) = re.findall(rf"`{name}` \(([^)]*)\)", PAGE)
     fields = [field.name for field in dataclasses.fields(lookup(Dynamics, name))]
     assert re.findall(r"`(\w+)`", listed) == fields
+
+
+def test_the_first_file_on_the_page_is_a_scenario(tmp_path):
+    file = tmp_path / "swap.toml"
+    file.write_text(PAGE.split("```toml\n")[1].split("```")[0])
+    assert [group.names for group in load(str(file)).agents] == [("east", "west"), ("rogue",)]
 
 
 def test_the_page_has_the_largest_swarm():
