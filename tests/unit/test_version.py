@@ -39,7 +39,7 @@ def test_a_release_is_written_everywhere_and_what_was_unreleased_is_its(tmp_path
     assert RELEASE["versions"](tmp_path) == {file: {"12.3.45"} for file in FILES}
     after = (tmp_path / "CHANGELOG.md").read_text("utf-8")
     assert after.replace("\n## [12.3.45]\n", "", 1) == before
-    assert re.search(r"## \[Unreleased\]\s+## \[12.3.45\]\s+### Added", after)
+    assert re.search(r"## \[Unreleased\]\s+## \[12.3.45\]\n\n\S", after)
     assert yaml.safe_load((tmp_path / "CITATION.cff").read_text())["version"] == "12.3.45"
 
 
