@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from phalanx.messages.credentials import (
-    AUTHORITY,
-    CERTIFICATE,
-    COMMAND_SECRET,
-    ENDPOINT,
-    PRIVATE_KEY,
-    SECRET,
-)
+from phalanx.messages import credentials
 
 if TYPE_CHECKING:
     from phalanx.messages.membership import Membership
@@ -24,7 +17,7 @@ if TYPE_CHECKING:
 LARGEST_SEED = 2**63 - 1
 _LONGEST_WAIT = 1e6
 """[s]; Zenoh counts in milliseconds."""
-_SECRETS = {"--secret": SECRET, "--command-secret": COMMAND_SECRET}
+_SECRETS = {"--secret": credentials.SECRET, "--command-secret": credentials.COMMAND_SECRET}
 """Options that do not exist, by the variables to use in their place."""
 _AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
 _ON_THIS_HOST = "unixsock"
@@ -170,7 +163,7 @@ def identity_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | N
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is None:
         return None
-    for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
+    for name in (credentials.AUTHORITY, credentials.CERTIFICATE, credentials.PRIVATE_KEY):
         if not (folder / name).is_file():
             raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
     return folder
@@ -178,8 +171,8 @@ def identity_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | N
 
 def endpoint_for(connect: str, keys: Path | None) -> str:
     """Return the endpoint of the option, else that in the keys' folder, else this host's."""
-    if not connect and keys is not None and (keys / ENDPOINT).is_file():
-        return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
+    if not connect and keys is not None and (keys / credentials.ENDPOINT).is_file():
+        return (keys / credentials.ENDPOINT).read_text(encoding="utf-8").strip()
     return connect or "tcp/127.0.0.1:7447"
 
 

@@ -6,14 +6,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.option_checks import (
-    require_endpoint,
-    require_number,
-    require_run,
-    require_speed,
-    require_timeout,
-    secret_from,
-)
+from phalanx.cli import option_checks as checks
 from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
 from phalanx.messages.credentials import COMMAND_SECRET, SECRET
 
@@ -63,7 +56,7 @@ RunId = Annotated[
     typer.Option(
         "--run",
         envvar="PHALANX_RUN",
-        callback=require_run,
+        callback=checks.require_run,
         help="Name of the run: part of every key expression, the same for all its programs.",
     ),
 ]
@@ -73,7 +66,7 @@ Secret = Annotated[
         "--secret-file",
         envvar="PHALANX_SECRET_FILE",
         metavar="FILE",
-        callback=secret_from(SECRET),
+        callback=checks.secret_from(SECRET),
         help="File with the secret that the run's programs share, which seals their messages. "
         "Default: PHALANX_SECRET, and in `run` a random one.",
         show_default=False,
@@ -85,7 +78,7 @@ CommandSecret = Annotated[
         "--command-secret-file",
         envvar="PHALANX_COMMAND_SECRET_FILE",
         metavar="FILE",
-        callback=secret_from(COMMAND_SECRET),
+        callback=checks.secret_from(COMMAND_SECRET),
         help="File with the command secret, which allows a viewer to pause the run, kill agents "
         "and so on. Default: PHALANX_COMMAND_SECRET; without one commands are off.",
         show_default=False,
@@ -106,7 +99,7 @@ Connect = Annotated[
     typer.Option(
         "--connect",
         envvar="PHALANX_CONNECT",
-        callback=require_endpoint,
+        callback=checks.require_endpoint,
         help="Zenoh endpoint of the run's hub; by default that in the file `endpoint` in --keys, "
         "or tcp/127.0.0.1:7447.",
         show_default=False,
@@ -115,7 +108,9 @@ Connect = Annotated[
 Listen = Annotated[
     str,
     typer.Option(
-        envvar="PHALANX_LISTEN", callback=require_endpoint, help="Zenoh endpoint to listen on."
+        envvar="PHALANX_LISTEN",
+        callback=checks.require_endpoint,
+        help="Zenoh endpoint to listen on.",
     ),
 ]
 Insecure = Annotated[
@@ -142,12 +137,14 @@ Engine = Annotated[
 ]
 Timeout = Annotated[
     float,
-    typer.Option(callback=require_timeout, help="How long to try to reach the hub, in seconds."),
+    typer.Option(
+        callback=checks.require_timeout, help="How long to try to reach the hub, in seconds."
+    ),
 ]
 Speed = Annotated[
     float | None,
     typer.Option(
-        callback=require_speed,
+        callback=checks.require_speed,
         help="At most this many seconds of virtual time per second; 0: as fast as it goes. By "
         "default 0, or 1 where the run is shown on a page.",
     ),
@@ -158,7 +155,7 @@ RealTimeFactor = Annotated[
         _REAL_TIME,
         envvar="PHALANX_REAL_TIME",
         metavar="[FACTOR]",
-        callback=require_number(
+        callback=checks.require_number(
             f"more than 0 and at most {FASTEST:g}", lambda factor: 0.0 < factor <= FASTEST
         ),
         help="Run by the wall clock, without waiting for agents: seconds of virtual time per "

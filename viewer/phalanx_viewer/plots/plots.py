@@ -5,7 +5,7 @@ All times are in seconds.
 
 import functools
 import json
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from importlib.resources import files
 
 import msgspec
@@ -14,19 +14,8 @@ import numpy as np
 from phalanx.faults.commands import Condition
 from phalanx.messages.frames import Frame
 from phalanx.messages.step_report import QUANTITIES, Quantity, numbers_of
-from phalanx.recording.curves import history
+from phalanx.recording.curves import history, series
 from phalanx.recording.curves.beliefs import braking_values
-from phalanx.recording.curves.series import (
-    Series,
-    envelope,
-    extremes,
-    input_curves,
-    lanes,
-    plotted,
-    plotted_unit,
-    step_series,
-    zoom_window,
-)
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
@@ -220,7 +209,7 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
         return values
     horizon = model.swarm.horizon(chosen)
     for quantity, number in zip(QUANTITIES.values(), numbers_of(status.step), strict=True):
-        value = float(plotted(quantity, np.array(number, dtype=float), horizon))
+        value = float(series.plotted(quantity, np.array(number, dtype=float), horizon))
         values[quantity.title] = None if np.isnan(value) else value
     inputs = model.swarm.members[chosen].dynamics.inputs
     return values | dict(zip(map(_INPUT.format, inputs), status.step.u, strict=True))
@@ -240,9 +229,7 @@ class _Plots:
         points = _POINTS_OF_ALL // max(len(curves_of), 1)
         self._most = int(np.clip(points, _LEAST_POINTS, _MOST_POINTS))
         h = self._past.pairs.h
-        every = h.max(axis=0) if len(h) else np.zeros(1)
-        self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
-        self.worst_pair = self._nearest[-1]
+        self.worst_pair = int(np.argsort(h.max(axis=0))[-1]) if len(h) else 0
 
     def of_swarm(self) -> list[Plot]:
         """Plot h_tot, h of the pairs that came nearest to 0, the distance, and every ψ_k."""
@@ -250,15 +237,10 @@ class _Plots:
         scenario, radius = model.scenario, model.radius
 
         def bold(column: int, lowest: bool = False) -> list[Curve]:
-            series = Series(rows[:, 0], rows[:, column])
-            return [curve(series, lowest=lowest, highest=not lowest, role="chosen")]
+            values = series.Series(rows[:, 0], rows[:, column])
+            return [curve(values, lowest=lowest, highest=not lowest, role="chosen")]
 
-        roles = {self.worst_pair: "chosen"}
-        pairs = [
-            curve(Series(t, h[:, k]), model.label(k), lowest=False, role=roles.get(k, ""))
-            for k in self._nearest
-            if len(t)
-        ]
+        pairs = of_largest(t, h, model.label) if len(t) else []
         return [
             Plot(_H_TOT, unit_of_psi(scenario), bold(1), _UNSAFE_ABOVE_0),
             Plot(_WORST_PAIRS, unit_of_psi(scenario), pairs, _UNSAFE_ABOVE_0),
@@ -282,7 +264,7 @@ class _Plots:
                 u.bounds, of_agents=True, agent=i,
             )
             for i in inputs_of
-            for u in input_curves(self._model.swarm, i, self.steps[i])
+            for u in series.input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
         plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
         ages = self._ages(inputs_of) + self._effects()
@@ -291,14 +273,14 @@ class _Plots:
     def _step_plot(self, name: str, quantity: Quantity) -> Plot:
         """Plot a number of every agent's control steps; many agents in an envelope."""
         swarm, lowest = self._model.swarm, quantity.safe[0] is not None
-        series = step_series(swarm, name, self.steps)
+        values = series.step_series(swarm, name, self.steps)
         curves = [
-            curve(series[i], agent=i, most=self._most, lowest=lowest, highest=not lowest)
+            curve(values[i], agent=i, most=self._most, lowest=lowest, highest=not lowest)
             for i in self._curves_of
         ]
         return Plot(
-            quantity.title, plotted_unit(quantity, swarm),
-            [*bands(list(series.values())), *curves] if self._model.crowded else curves,
+            quantity.title, series.plotted_unit(quantity, swarm),
+            [*bands(list(values.values())), *curves] if self._model.crowded else curves,
             quantity.safe, logarithmic=quantity.in_horizons, of_agents=True,
         )  # fmt: skip
 
@@ -309,14 +291,7 @@ class _Plots:
             return []
         t = past.pairs.t
         names, V = braking_values(swarm, past.x[np.searchsorted(past.times, t)])
-        worst = np.argsort(V.max(axis=0))[-_NEAR_PAIRS:].tolist()
-        curves = [
-            curve(
-                Series(t, V[:, k]), names[k], lowest=False, role="chosen" if k == worst[-1] else ""
-            )
-            for k in worst
-        ]
-        return [Plot(_V, "m", curves, _UNSAFE_ABOVE_0)]
+        return [Plot(_V, "m", of_largest(t, V, names.__getitem__), _UNSAFE_ABOVE_0)]
 
     def _ages(self, of: Sequence[int]) -> list[Plot]:
         """Plot ages of the states that some agents had of their peers; the oldest is bold."""
@@ -325,7 +300,7 @@ class _Plots:
         plots = []
         for i in of:
             if ages := list(self._radio.ages(i).values()):
-                oldest = Series(ages[0].t, np.fmax.reduce([of_peer.y for of_peer in ages]))
+                oldest = series.Series(ages[0].t, np.fmax.reduce([of_peer.y for of_peer in ages]))
                 single = [curve(of_peer, most=self._most) for of_peer in ages]
                 curves = bands(ages) if self._model.crowded else single
                 curves.append(curve(oldest, "oldest", role="chosen", most=self._most))
@@ -349,7 +324,7 @@ class _Plots:
         recorded, steps = len(past.broadcasts) > 0, list(self.steps.values())
         # A live run's frames do not hold every step: no agent counts as silent.
         taus = [swarm.horizon(i) if recorded else np.inf for i in self.steps]
-        late, lost, *states = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
+        late, lost, *states = series.lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
         shares = (np.ceil(9.0 * share) for share in (late, lost))
         diagram = [
             Lane(*("".join(map(str, digits.astype(int).tolist())) for digits in of_agent))
@@ -365,7 +340,7 @@ class _Plots:
         only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
         worst = float(rows[np.argmax(rows[:, 2]), 0])
         every_nth = self._model.swarm.broadcast_every
-        begin, end = zoom_window(steps, worst, float(rows[-1, 0]), every_nth)
+        begin, end = series.zoom_window(steps, worst, float(rows[-1, 0]), every_nth)
         every = self._past.broadcasts
         broadcasts = [
             (sender, t, receiver, arrival, FALSE if false else history.FATES[fate])
@@ -385,18 +360,27 @@ class _Plots:
 
 
 def curve(
-    series: Series, name: str = "", *, agent: int | None = None, role: str = "",
+    values: series.Series, name: str = "", *, agent: int | None = None, role: str = "",
     most: int = _MOST_POINTS, highest: bool = True, lowest: bool = True,
 ) -> Curve:  # fmt: skip
     """Thin a series to a curve through its largest values, its smallest, or both."""
-    t, y = series.finite()
-    indices = extremes(y, most, highest=highest, lowest=lowest)
+    t, y = values.finite()
+    indices = series.extremes(y, most, highest=highest, lowest=lowest)
     return Curve(numbers(t[indices], 7), numbers(y[indices], 4), name=name, agent=agent, role=role)
 
 
-def bands(curves: Sequence[Series]) -> list[Curve]:
+def of_largest(t: Array, values: Array, name_of: Callable[[int], str]) -> list[Curve]:
+    """Curves of the pairs, columns of values (s, pairs), that came largest; that one is bold."""
+    *others, largest = np.argsort(values.max(axis=0))[-_NEAR_PAIRS:].tolist()
+    return [
+        curve(series.Series(t, values[:, k]), name_of(k), lowest=False, role=role)
+        for k, role in [*((k, "") for k in others), (largest, "chosen")]
+    ]
+
+
+def bands(curves: Sequence[series.Series]) -> list[Curve]:
     """Many agents' bands, least to largest and 10 to 90 %, and their median."""
-    edges, quantiles = envelope(curves, _MOST_INTERVALS[0])
+    edges, quantiles = series.envelope(curves, _MOST_INTERVALS[0])
     if not len(edges):
         return []
     times = numbers(edges.ravel(), 7)
