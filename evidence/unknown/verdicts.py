@@ -163,13 +163,15 @@ def print_tables(case: Case, rows: pl.DataFrame) -> None:
 
 
 def verdicts(cell: pl.DataFrame) -> str:
-    """Return how many runs there are, and how many were safe and guaranteed."""
+    """Return how many runs there are, and if not all were guaranteed how many were, and safe."""
     if not len(cell):
         return ""
     counts = {
         each: cell.filter(pl.col("outcome") == each).height for each in ("safe", "guaranteed")
     }
-    return f"{len(cell)}: {sum(counts.values())}, {counts['guaranteed']}"
+    guaranteed = counts["guaranteed"]
+    words = "" if guaranteed == len(cell) else f": {sum(counts.values())}, {guaranteed}"
+    return f"{len(cell)}{words}"
 
 
 def cost_of(cell: pl.DataFrame, case: Case) -> list[str]:

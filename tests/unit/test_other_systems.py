@@ -64,11 +64,14 @@ def test_what_only_linux_has_is_gone(tmp_path):
 
 def test_a_run_in_process_its_report_and_its_page_need_nothing_that_only_linux_has(tmp_path):
     script = """
-import sys
+from urllib.request import urlopen
+import phalanx
 from phalanx.cli.app import status
 assert status(["run", "pinned", "--engine", "in-process", "--set", "duration=0.2"]) in (0, 2)
 assert status(["export", "runs/pinned-1", "--html", "pinned.html"]) == 0
 assert status(["verify", "runs/pinned-1", "--engine", "in-process"]) == 0
+with phalanx.open("runs/pinned-1").view() as page:
+    assert urlopen(page.url).status == 200
 """
     run(script, tmp_path)
     assert (tmp_path / "runs" / "pinned-1" / "report.html").is_file()
