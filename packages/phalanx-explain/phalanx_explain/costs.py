@@ -132,9 +132,9 @@ def _pair(steps: ControllerSteps, rows: SafetyRows, other: int, part: RowPart) -
 
 def _composed(steps: ControllerSteps, rows: SafetyRows) -> RowCost:
     """The row of h_tot."""
-    (x, seen), i, result, swarm = _known(steps), steps.i, steps.result, rows.swarm
+    (x, visible), i, result, swarm = _known(steps), steps.i, steps.result, rows.swarm
     assert result is not None
-    terms, received = rows.terms(i)(x, seen), steps.steps[-1].received
+    terms, received = rows.terms(i)(x, visible), steps.steps[-1].received
     a, u_nom, u = (v.tolist() for v in (terms.c[i], steps.wish, result.decision.u))
     allowance = float(swarm.safety.class_k[-1].value(ca.SX(terms.psi[-1])))
     costs = {WISH: inner(a, u_nom), MOTION: terms.unforced - allowance, ALLOWANCE: allowance}
@@ -161,11 +161,11 @@ def _own_parts(steps: ControllerSteps, radio: RadioFilter) -> list[RowCost]:
     for k, l in enumerate(parts.near):
         allowed, terms = float(parts.limits.most[k]), {WISH: float(wish[k])}
         if l is not None and l in result.sets:
-            known, motion = result.sets[l], radio.with_beliefs.points[l].motion
-            low, high = known.low[None], known.high[None]
+            belief, motion = result.sets[l], radio.with_beliefs.points[l].motion
+            low, high = belief.low[None], belief.high[None]
             near = float(Boxes(low, high).distance(p)[0])
-            place, speed = np.split(known.centre, 2)
-            centre, fastest = float(length(place - p)), float(Boxes(low, high).speed()[0])
+            position, speed = np.split(belief.centre, 2)
+            centre, fastest = float(length(position - p)), float(Boxes(low, high).speed()[0])
             way = motion.stopping(float(length(speed)))
             in_metres = {
                 "distance to where it is believed": -centre,

@@ -138,8 +138,8 @@ def _of_row(row: RowCost) -> str:
     in_metres = row.in_metres()
     costs, unit = (in_metres, " m") if in_metres else (row.terms, "")
     least = _TELLING * max(costs.values())
-    taken = sorted(((cost, term) for term, cost in costs.items() if cost > least), reverse=True)
-    terms = ", ".join(f"{cost:.3g}{unit} for {term}" for cost, term in taken)
+    largest = sorted(((cost, term) for term, cost in costs.items() if cost > least), reverse=True)
+    terms = ", ".join(f"{cost:.3g}{unit} for {term}" for cost, term in largest)
     allowed = -costs.get(ALLOWANCE, 0.0)
     allowance = f"; α allows {allowed:.3g}{unit}" if allowed > 0.0 else ""
     return f"The row of {row.other} ({row.part}) binds: {terms}{allowance}."

@@ -81,7 +81,7 @@ def _crosses_zero(finished: Finished, crosses: bool = True) -> Claim:
 
 def _keeps_bounds(finished: Finished) -> Claim:
     """Return the steps at which the backup was used; all inputs have to be admissible."""
-    empty = finished.history.agent(finished.shown).empty
+    empty = finished.history.agent(finished.shown_agent).empty
     backups = int((empty == EMPTY_CODES[Origin.BACKUP]).sum())
     bounds = next(a for a in finished.summary.assumptions if a.name == "admissible inputs")
     words = f"backup at {backups} of {len(empty)} steps, {bounds.failed} inputs out of bounds"
@@ -112,7 +112,7 @@ FIGURES = (
     PaperFigure(
         5, "Inputs of agent 2 in Simulation 1",
         "Within their bounds; red crosses where the worst-case LP, the backup, is used.",
-        ("1",), lambda f: inputs(f.history, f.shown), _keeps_bounds,
+        ("1",), lambda f: inputs(f.history, f.shown_agent), _keeps_bounds,
     ),
     PaperFigure(6, "Still frames of Simulation 2", "As figure 2, in space.", ("2",), _stills),
     PaperFigure(
@@ -125,7 +125,7 @@ FIGURES = (
     PaperFigure(
         8, "Inputs of agent 2 in Simulation 2",
         "The infinity norm within its bound; red crosses where the backup is used.",
-        ("2",), lambda f: inputs(f.history, f.shown), _keeps_bounds,
+        ("2",), lambda f: inputs(f.history, f.shown_agent), _keeps_bounds,
     ),
 )  # fmt: skip
 """In the paper's order."""

@@ -46,7 +46,7 @@ class Finished(NamedTuple):
     history: ReportHistory
 
     @property
-    def shown(self) -> int:
+    def shown_agent(self) -> int:
         """Index of agent 2, whose inputs the paper shows."""
         return self.history.swarm.names.index("2")
 

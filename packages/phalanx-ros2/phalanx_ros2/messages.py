@@ -67,9 +67,9 @@ def agents(
     Agents of `unsafe`, the violated pairs, are red.
     """
     now, violated = cdr.header(t, WORLD), model.agents_of(unsafe)
-    for i, placed in enumerate(zip(poses.positions, poses.headings, strict=True)):
+    for i, pose in enumerate(zip(poses.positions, poses.headings, strict=True)):
         colour = DANGER if i in violated else COLOURS[role(status[i], bool(model.adversary[i]))]
-        for shape in agent_shapes(model, i, colour, *placed):
+        for shape in agent_shapes(model, i, colour, *pose):
             yield _marker(now, shape, model)
 
 

@@ -40,25 +40,25 @@ class PeerOdometry:
             self._published[i] = max(until, self._published[i])
 
 
-def odometry(model: SceneModel, l: int, said: OwnStatement, child: str) -> Odometry:
+def odometry(model: SceneModel, l: int, statement: OwnStatement, child: str) -> Odometry:
     """Return the odometry of agent l as it stated it, without covariances; child: its frame."""
-    swarm, stated, point = model.swarm, np.array(said.x), agent_point(model.swarm, l)
+    swarm, state, point = model.swarm, np.array(statement.x), agent_point(model.swarm, l)
     x = swarm.start()
-    x[swarm.safe_set.parts[l]] = stated
+    x[swarm.safe_set.parts[l]] = state
     poses = model.kinematics.poses(x)
     axes, heading = point.motion.axes, poses.headings[l]
-    moves = point.input(stated, np.array(said.u)) if point.motion.jumps else stated[axes:]
+    moves = point.input(state, np.array(statement.u)) if point.motion.jumps else state[axes:]
     v = np.pad(moves, (0, 3 - axes))
     # In the agent's own axes; where it has no heading, it moves along its x-axis.
-    left = np.array([-heading[1], heading[0], 0.0])
+    leftward = np.array([-heading[1], heading[0], 0.0])
     twist = ros.geometry_msgs__msg__Twist(
-        linear=ros.geometry_msgs__msg__Vector3(x=float(heading @ v), y=float(left @ v), z=0.0),
+        linear=ros.geometry_msgs__msg__Vector3(x=float(heading @ v), y=float(leftward @ v), z=0.0),
         angular=ros.geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
     )
     unknown = np.zeros(36)
     pose = messages.pose(poses.positions[l], heading)
     return Odometry(
-        header=cdr.header(said.t, messages.WORLD),
+        header=cdr.header(statement.t, messages.WORLD),
         child_frame_id=child,
         pose=ros.geometry_msgs__msg__PoseWithCovariance(pose=pose, covariance=unknown),
         twist=ros.geometry_msgs__msg__TwistWithCovariance(twist=twist, covariance=unknown),

@@ -105,13 +105,13 @@ class RateStudy:
             f"{decision.hits} of {decision.runs} runs: {low:.4g} to {high:.4g} ({confidence:g})"
         )
         seeds = ", ".join(map(str, hits[:_LISTED])) + (", ..." if len(hits) > _LISTED else "")
-        which = f"; seeds {seeds}" if hits else ""
+        failing = f"; seeds {seeds}" if hits else ""
         if decision.below is False:
-            return f"the rate is not below {bound:g}: {interval}{which}"
+            return f"the rate is not below {bound:g}: {interval}{failing}"
         share = decision.hits / max(decision.runs, 1)
         needed = runs_to_decide(share, bound, confidence)
         more = f"about {needed} runs would decide" if needed else "no number of runs would decide"
-        return f"not decided whether the rate is below {bound:g}: {interval}; {more}{which}"
+        return f"not decided whether the rate is below {bound:g}: {interval}; {more}{failing}"
 
     def _summary(self, seed: int) -> Summary:
         """Return the summary of a run, which is executed once."""

@@ -40,13 +40,13 @@ def faults(agents: Sequence[str], *, until: float) -> "SearchStrategy[list[Fault
     times: dict[str, Any] = {
         "at": _multiples(0.5 * until), "for_": _multiples(0.5 * until, least=_GRID)
     }  # fmt: skip
-    one = st.one_of(
+    fault = st.one_of(
         st.builds(lambda alone, **t: of_kind.partition([alone], **t), name, **times),
         st.builds(of_kind.link, loss=_multiples(1.0), **times),
         st.builds(of_kind.pause, name, **times),
         st.builds(of_kind.restart, name, **times),
     )
-    return st.lists(one, max_size=3)
+    return st.lists(fault, max_size=3)
 
 
 def starts(

@@ -120,8 +120,8 @@ class _Trial:
         for agent in self._agents:
             first, *later = (x[agent.name] for x in advances)
             if not np.isfinite([x[-1] for x in (first, *later)]).all():
-                what = "states are not finite; does hold copy its input?"
-                raise WorldMistakeError(f"agent {agent.name}: {what}")
+                mistake = "states are not finite; does hold copy its input?"
+                raise WorldMistakeError(f"agent {agent.name}: {mistake}")
             if not np.array_equal(first, copies[agent.name]):
                 raise WorldMistakeError(f"agent {agent.name}: a later advance changed its states")
             self._require_start(agent, first[0])
@@ -153,16 +153,16 @@ class _Trial:
         with self._begun() as world:
             self._wait(world, _TIME)
             world.advance(_TIME)
-            for what, call in self._refused(world):
+            for attempt, call in self._refused(world):
                 try:
                     call()
                 except ValueError:
                     continue
                 except Exception as error:
                     raise WorldMistakeError(
-                        f"{what}: expected a ValueError, got {type(error).__name__}"
+                        f"{attempt}: expected a ValueError, got {type(error).__name__}"
                     ) from error
-                raise WorldMistakeError(f"{what}: expected a ValueError, it was taken")
+                raise WorldMistakeError(f"{attempt}: expected a ValueError, it was taken")
 
     def _refused(self, world: World) -> Iterator[tuple[str, Callable[[], object]]]:
         """Yield calls that a world must refuse, with their names."""
