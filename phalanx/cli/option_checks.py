@@ -14,7 +14,6 @@ from phalanx.messages import credentials
 if TYPE_CHECKING:
     from phalanx.messages.membership import Membership
 
-LARGEST_SEED = 2**63 - 1
 _LONGEST_WAIT = 1e6
 """[s]; Zenoh counts in milliseconds."""
 _SECRETS = {"--secret": credentials.SECRET, "--command-secret": credentials.COMMAND_SECRET}

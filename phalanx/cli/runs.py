@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.option_checks import LARGEST_SEED
 from phalanx.cli.options import Engine, RunArgument, Trust
 from phalanx.launcher.engine import DEFAULT_ENGINE
 from phalanx.launcher.streams import echo, echo_error
@@ -91,12 +90,6 @@ def runs(
 
 def verify(
     run: RunArgument,
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            min=0, max=LARGEST_SEED, help="Use another seed, to see where the two runs depart."
-        ),
-    ] = None,
     engine: Engine = DEFAULT_ENGINE,
     trust: Trust = False,
 ) -> int:
@@ -116,7 +109,7 @@ def verify(
     try:
         recorded = phalanx.open(run, trust=trust)
         with progress(recorded.scenario) as show:
-            verification = phalanx.verify(recorded, engine=engine, seed=seed, progress=show)
+            verification = phalanx.verify(recorded, engine=engine, progress=show)
     except KeyboardInterrupt:
         echo_error("stopped")
         return exit_status(Outcome.STOPPED)

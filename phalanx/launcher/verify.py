@@ -59,7 +59,6 @@ def verify(
     run: Run | Recording | str | Path,
     *,
     engine: str = DEFAULT_ENGINE,
-    seed: int | None = None,
     progress: Progress = silent,
     trust: bool = False,
 ) -> Verification:
@@ -71,7 +70,6 @@ def verify(
     Args:
         run: a finished run, its recording, or its folder.
         engine: the engine to run it on.
-        seed: another seed, to see where the trajectories depart.
         progress: as run takes it.
         trust: as open takes it.
 
@@ -92,19 +90,14 @@ def verify(
     if world is not None and world.determinism == "none" and not recorded.step_data:
         raise EngineError("its world declares no determinism: a run in it cannot be run again")
     if recorded.step_data:
-        if seed is not None:
-            raise EngineError(
-                "a run in real time cannot be run again, with another seed or without"
-            )
         try:
             decided = _decided_again(recorded)
         except MistakenMethodError as error:
             raise EngineError(f"decided again: {error}") from error
         difference = first_difference(recorded, decided)
         return Verification(difference, len(recorded.step_data), 0)
-    scenario = _until_its_end(recorded).model_copy(update={} if seed is None else {"seed": seed})
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
-        summary = execute(scenario, Path(folder), options)
+        summary = execute(_until_its_end(recorded), Path(folder), options)
         if summary.outcome is Outcome.STOPPED:
             raise KeyboardInterrupt
         if summary.outcome is Outcome.BROKEN and not cut_short(recorded):

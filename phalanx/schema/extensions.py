@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
-from phalanx.schema.installing import HERE, installing
-
 COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
 PACKAGE = "phalanx-swarm"
+HERE = "."
+"""This repository's folder, from which pip installs as long as no index has it."""
 REINSTALL = (
     "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
 )
@@ -70,6 +70,11 @@ def extension(name: str) -> Any:
         with extras_named():
             return entry.load()
     raise missing(name)
+
+
+def installing(package: str) -> str:
+    """Return the command that installs a package of this repository."""
+    return f"pip install {HERE}/packages/{package}"
 
 
 def missing(name: str) -> MissingExtensionError:

@@ -13,7 +13,7 @@ from typing import Any
 import pydantic
 
 from phalanx.schema.built_in import BUILT_IN, BY_OPTION, PACKAGES
-from phalanx.schema.installing import installing
+from phalanx.schema.extensions import installing
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import call_user, checks, is_built_in, located_class
 from phalanx.theory.laws.law import Law

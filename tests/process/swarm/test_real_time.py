@@ -93,11 +93,6 @@ def test_by_radio_decisions_can_be_made_again_and_agents_know_the_starts(tmp_pat
         verify(replace(recorded, step_data=forged))
 
 
-def test_it_cannot_be_run_again_with_another_seed(recorded: Recording) -> None:
-    with pytest.raises(EngineError, match="real time"):
-        verify(recorded, seed=1)
-
-
 FAILING_LAW = """
 from dataclasses import dataclass
 from pathlib import Path
