@@ -7,7 +7,7 @@ as these cannot change them. Events are judged in order, once they are known.
 """
 
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Protocol
 
 from msgspec import Struct
@@ -15,7 +15,6 @@ from msgspec import Struct
 from phalanx.messages.kinds import Sample
 from phalanx.theory.arrays import Array
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.clock.lookahead import Sequential, Synchronization
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling
 from phalanx_plant.world.events import (
@@ -73,6 +72,44 @@ class _Instant(Struct):
     """Those so far; empty until the world has reached this instant."""
 
 
+class Sequential:
+    """It waits for all answers, so an input is known as soon as it takes effect."""
+
+    sequential = True
+    """Whether all samples are answered before virtual time goes on."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    @property
+    def unknown(self) -> list[int]:
+        """Agents whose states are unknown, as their inputs are pending; the oldest first."""
+        return []
+
+    def begin_unknown(self, i: int) -> None:
+        """Let agent i's pending input take effect, whatever it is."""
+
+    def end_unknown(self, i: int, u: Array | None) -> None:
+        """Set agent i's pending input to u, shape (m_i,).
+
+        None: it was lost, and the actuator holds the input before it.
+        """
+        if u is not None:
+            self._world.apply(i, u)
+
+    def required(self, sampling: Sequence[int]) -> list[int]:
+        """Return agents whose inputs must be known before those in `sampling` are sampled."""
+        return []
+
+    def advance(self, until: float) -> None:
+        """Integrate to `until` [s]. Raises DivergedError."""
+        self._world.advance(until)
+
+    def reach(self, until: float) -> None:
+        """Bring the world to `until` [s]. Raises DivergedError."""
+        self._world.advance(until)
+
+
 class Lockstep:
     """One run in virtual time."""
 
@@ -83,7 +120,7 @@ class Lockstep:
         agents: Agents,
         events: EventQueue,
         commands: CommandQueue,
-        synchronization: Callable[[World], Synchronization] = Sequential,
+        synchronization: Callable[[World], Sequential] = Sequential,
     ) -> None:
         """Begin at t = 0; the synchronization decides which answers to wait for."""
         self.world = world

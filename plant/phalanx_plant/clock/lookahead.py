@@ -15,6 +15,7 @@ import numpy as np
 
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.dynamics import Bounded
+from phalanx_plant.clock.lockstep import Sequential
 from phalanx_plant.sampling.sensing import sensing_radii
 from phalanx_plant.world.world import Piece, RungeKutta, Segment, World
 
@@ -40,45 +41,7 @@ class _Unknown(NamedTuple):
     """Number of the first piece of the history after it."""
 
 
-class Sequential:
-    """It waits for all answers, so an input is known as soon as it takes effect."""
-
-    sequential = True
-    """Whether all samples are answered before virtual time goes on."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-
-    @property
-    def unknown(self) -> list[int]:
-        """Agents whose states are unknown, as their inputs are pending; the oldest first."""
-        return []
-
-    def begin_unknown(self, i: int) -> None:
-        """Let agent i's pending input take effect, whatever it is."""
-
-    def end_unknown(self, i: int, u: Array | None) -> None:
-        """Set agent i's pending input to u, shape (m_i,).
-
-        None: it was lost, and the actuator holds the input before it.
-        """
-        if u is not None:
-            self._world.apply(i, u)
-
-    def required(self, sampling: Sequence[int]) -> list[int]:
-        """Return agents whose inputs must be known before those in `sampling` are sampled."""
-        return []
-
-    def advance(self, until: float) -> None:
-        """Integrate to `until` [s]. Raises DivergedError."""
-        self._world.advance(until)
-
-    def reach(self, until: float) -> None:
-        """Bring the world to `until` [s]. Raises DivergedError."""
-        self._world.advance(until)
-
-
-class Lookahead:
+class Lookahead(Sequential):
     """The world's integration, ahead of the world: NaN where the state is not known."""
 
     sequential = False
@@ -162,10 +125,7 @@ class Lookahead:
         return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK
 
 
-Synchronization = Sequential | Lookahead
-
-
-def look_ahead(world: World) -> Synchronization:
+def look_ahead(world: World) -> Sequential:
     """Choose lookahead, or sequential synchronization if lookahead cannot save time.
 
     A sample that sees all agents waits for all of them: lookahead needs most to see fewer.
