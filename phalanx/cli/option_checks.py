@@ -21,7 +21,6 @@ _SECRETS = {"--secret": credentials.SECRET, "--command-secret": credentials.COMM
 _AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
 _ON_THIS_HOST = "unixsock"
 """The beginning of protocols of Zenoh whose address is a file."""
-_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)")
 
 
 def require_values(arguments: Sequence[str]) -> None:
@@ -57,15 +56,6 @@ require_timeout = require_number(
 require_speed = require_number(
     "a finite number, or 0: as fast as it goes", lambda speed: 0.0 <= speed < float("inf")
 )
-
-
-def require_hosts(hosts: list[str] | None) -> list[str] | None:
-    """Reject texts that are neither a host's name nor an IP address."""
-    for host in hosts or ():
-        if _address(host) is None and not all(map(_LABEL.fullmatch, host.split("."))):
-            expected = "expected a host's name or address, such as plant.example.org"
-            raise typer.BadParameter(f"{expected}, got {host!r}")
-    return hosts
 
 
 def require_file(path: Path | None) -> Path | None:

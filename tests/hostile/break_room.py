@@ -89,7 +89,7 @@ class Room:
                     file.write_text(clean, "utf-8")
 
     def _outcome(self, mutant: Mutant, clean: str, collected: Connection) -> str:
-        """Test a mutant in a fork of what is collected, or anew where that ran what is changed."""
+        """Test a mutant in a fork of what is collected, or again where that ran what is changed."""
         tests, is_early = self._nearest(mutant, clean)
         executed = self._executed[mutant.tests]
         limit, status = 30.0 + 5.0 * sum(executed[test][0] for test in tests), NOT_IN_PLACE

@@ -278,8 +278,15 @@ def canonical(name: str) -> str:
 @pytest.mark.slow
 def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
     tests = {str(f): f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("*.py"))}
-    named = {name: list(imported(text, "tests.any")) for name, text in tests.items()} | imports()
-    wrong = [f"{m}: {n}" for m, names in named.items() for n in names if n.split(".")[0] in APART]
+    imports_by_module = {
+        name: list(imported(text, "tests.any")) for name, text in tests.items()
+    } | imports()
+    wrong = [
+        f"{m}: {n}"
+        for m, names in imports_by_module.items()
+        for n in names
+        if n.split(".")[0] in APART
+    ]
     assert wrong == []
     assert len(tests) > 100
 
@@ -361,8 +368,12 @@ def test_the_page_on_certificates_lists_all_that_the_checker_shares():
         f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)
     }
     home = "phalanx_certify.checker"
-    own = {target for name, found in imports().items() if room_of(name) == home for target in found}
-    assert listed == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
+    checkers_imports = {
+        target for name, found in imports().items() if room_of(name) == home for target in found
+    }
+    assert listed == {
+        t for t in checkers_imports if t.startswith("phalanx.") and room_of(t) != home
+    }
     assert len(listed) > 5
 
 
@@ -384,15 +395,16 @@ def reached(*roots: str) -> set[str]:
 @cache
 def graph() -> Mapping[str, set[str]]:
     """Return the modules of the project that each of them imports."""
-    known = imports()
+    imports_by_name = imports()
     return {
         name: {
             module
             for target in targets
-            if (module := target if target in known else target.rpartition(".")[0]) in known
+            if (module := target if target in imports_by_name else target.rpartition(".")[0])
+            in imports_by_name
             and module not in (name, "phalanx")
         }
-        for name, targets in known.items()
+        for name, targets in imports_by_name.items()
     }
 
 

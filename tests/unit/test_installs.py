@@ -41,15 +41,15 @@ def test_nothing_says_to_install_phalanx_from_an_index():
 
 def test_pages_and_messages_install_from_where_one_constant_says():
     pattern = re.compile(r"pip install (?:-e )?(?:'([^'\[]+)\[|([\w./{}-]+)/packages/phalanx-)")
-    found = {name: pattern.findall(text) for name, text in texts().items()}
-    sources = {name: {"".join(pair) for pair in pairs} for name, pairs in found.items() if pairs}
+    matches = {name: pattern.findall(text) for name, text in texts().items()}
+    sources = {name: {"".join(pair) for pair in pairs} for name, pairs in matches.items() if pairs}
     assert {n: s for n, s in sources.items() if s - {HERE, "{HERE}"}} == {}
     assert len(sources) > 8
 
 
 def test_every_extra_that_is_named_exists():
     pattern = re.compile(r"install (?:-e )?'\.\[([\w,-]+)\]'")
-    found = {name: pattern.findall(text) for name, text in texts().items()}
-    extras = {extra for each in found.values() for text in each for extra in text.split(",")}
+    matches = {name: pattern.findall(text) for name, text in texts().items()}
+    extras = {extra for each in matches.values() for text in each for extra in text.split(",")}
     assert extras <= PROJECT["optional-dependencies"].keys()
     assert len(extras) > 2

@@ -52,6 +52,6 @@ def test_a_lock_has_the_tested_versions_of_all_that_is_needed(name: str) -> None
 def test_nothing_is_installed_without_its_hash(file: str) -> None:
     """But Phalanx itself, which brings nothing along."""
     installs = re.findall(r"pip install (.*)", (ROOT / file).read_text())
-    first, own = installs
+    first, phalanx_install = installs
     assert "--require-hashes" in first
-    assert {"--no-deps", "--no-build-isolation"} <= set(own.split())
+    assert {"--no-deps", "--no-build-isolation"} <= set(phalanx_install.split())

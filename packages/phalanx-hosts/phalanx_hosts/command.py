@@ -1,7 +1,9 @@
 """phalanx keys and router: TLS identities for the programs of a run, and a separate hub."""
 
 import datetime
+import ipaddress
 import logging
+import re
 import signal
 from pathlib import Path
 from queue import SimpleQueue
@@ -10,7 +12,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli.jobs import Job
-from phalanx.cli.option_checks import identity_for, require_endpoint, require_hosts, require_number
+from phalanx.cli.option_checks import identity_for, require_endpoint, require_number
 from phalanx.cli.options import (
     Insecure,
     KeysFolder,
@@ -26,6 +28,8 @@ from phalanx.launcher.streams import echo
 
 log = logging.getLogger("phalanx.router")
 
+_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)")
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
@@ -40,6 +44,18 @@ def _require_endpoints(endpoints: list[str] | None) -> list[str] | None:
     return endpoints
 
 
+def _require_hosts(hosts: list[str] | None) -> list[str] | None:
+    """Reject texts that are neither a host's name nor an IP address."""
+    for host in hosts or ():
+        if not all(map(_LABEL.fullmatch, host.split("."))):
+            try:
+                ipaddress.ip_address(host)
+            except ValueError as error:
+                expected = "expected a host's name or address, such as plant.example.org"
+                raise typer.BadParameter(f"{expected}, got {host!r}") from error
+    return hosts
+
+
 def keys(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder for the identities.")],
     scenario: ScenarioOption,
@@ -48,7 +64,7 @@ def keys(
         list[str] | None,
         typer.Option(
             "--host",
-            callback=require_hosts,
+            callback=_require_hosts,
             help="Name or address of the plant's or a router's host. Repeatable; programs connect "
             "to the first, at port 7447, unless --connect names another.",
         ),

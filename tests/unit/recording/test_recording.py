@@ -145,9 +145,9 @@ def test_mcaps_own_reader_reads_it(whole, tmp_path):
         topics = [channel.topic for _, channel, _ in reader.iter_messages()]
         times = [message.log_time for *_, message in reader.iter_messages()]
         schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
-        said = reader.get_summary().statistics
+        statistics = reader.get_summary().statistics
         attached = {a.name for a in reader.iter_attachments()}
-    assert (said.message_start_time, said.message_end_time) == (min(times), max(times))
+    assert (statistics.message_start_time, statistics.message_end_time) == (min(times), max(times))
     assert (topics.count("/state"), topics.count("/step"), topics.count("/log")) == (900, 900, 1)
     kinds = [f"phalanx.{name}" for name in ("State", "Step", "Shown", "Log", "Command")]
     assert schemas == dict.fromkeys(kinds, "jsonschema")

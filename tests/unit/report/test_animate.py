@@ -55,10 +55,15 @@ def test_a_link_is_the_redder_the_more_broadcasts_it_lost(run: phalanx.Run):
     stage, history = staged(run, [0.0, 0.2]), ReportHistory(run.recording)
     *_, last = (frame for frame, _ in zip(stage.frames(), range(2), strict=False))
     lines = moving(stage, LineCollection)[0]
-    sent = history.broadcasts[(history.broadcasts.sent > 0.0) & (history.broadcasts.sent <= 0.2)]
+    broadcasts_sent = history.broadcasts[
+        (history.broadcasts.sent > 0.0) & (history.broadcasts.sent <= 0.2)
+    ]
     shares = {}
-    for link in {tuple(sorted(pair)) for pair in zip(sent.sender, sent.receiver, strict=True)}:
-        broadcasts = [b for b in sent if tuple(sorted((b.sender, b.receiver))) == link]
+    for link in {
+        tuple(sorted(pair))
+        for pair in zip(broadcasts_sent.sender, broadcasts_sent.receiver, strict=True)
+    }:
+        broadcasts = [b for b in broadcasts_sent if tuple(sorted((b.sender, b.receiver))) == link]
         shares[link] = np.mean([b.arrival == b.sent and b.fate == 2 for b in broadcasts])
     assert last == 1
     assert len(set(shares.values())) > 1

@@ -115,11 +115,11 @@ class CountingHistory(ReportHistory):
     most = 0
 
     def distance(self, pair: Pair) -> Array:
-        found = super().distance(pair)
+        distance = super().distance(pair)
         self.alive = getattr(self, "alive", WeakValueDictionary())
-        self.alive[id(found)] = found
+        self.alive[id(distance)] = distance
         self.most = max(self.most, len(self.alive))
-        return found
+        return distance
 
 
 def test_distances_of_one_pair_at_a_time_are_in_memory(recording: Recording) -> None:

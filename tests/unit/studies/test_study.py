@@ -124,8 +124,10 @@ def test_an_axis_that_changes_no_trajectory_is_named(tmp_path, capsys, trajector
 
 
 def test_an_axis_with_one_value_or_in_no_grid_is_not_called_idle(tmp_path):
-    one = with_trajectories(tmp_path / "one", {"network.loss": [0.5]}, lambda loss, seed: seed)
-    assert not list(without_effect(one.frame, one.axes))
+    study_of_one_value = with_trajectories(
+        tmp_path / "one", {"network.loss": [0.5]}, lambda loss, seed: seed
+    )
+    assert not list(without_effect(study_of_one_value.frame, study_of_one_value.axes))
     points = [{"network.loss": 0.1, "safety.rho": 4.0}, {"network.loss": 0.2, "safety.rho": 5.0}]
     plan = plan_from({"scenario": "unicycles", "points": points})
     study_of_points = studied(tmp_path / "drawn", plan, {0: "safe", 1: "safe"}, trajectory="a")

@@ -30,9 +30,9 @@ seeds = st.integers(0, 2**32 - 1)
 def program(c: np.ndarray, A: np.ndarray, b: np.ndarray) -> float:
     """min cᵀu by a linear program, its numbers scaled to what HiGHS likes."""
     size, rows = np.linalg.norm(c), np.linalg.norm(A, axis=1)
-    found = linprog(c / size, A_ub=A / rows[:, None], b_ub=b / rows, bounds=(None, None))
-    assert found.status == 0, found.message
-    return float(size * found.fun)
+    solution = linprog(c / size, A_ub=A / rows[:, None], b_ub=b / rows, bounds=(None, None))
+    assert solution.status == 0, solution.message
+    return float(size * solution.fun)
 
 
 @given(seed=seeds, m=st.integers(1, 3))

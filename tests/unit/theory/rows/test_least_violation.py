@@ -98,15 +98,15 @@ def test_of_inputs_that_violate_equally_the_least_is_taken_and_zeros_have_no_sig
 @needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
-    in_c, used = LeastVertex(), []
+    in_c, calls = LeastVertex(), []
     compiled = module._Compiled(library_of(module, tmp_path))
-    in_c._compiled = lambda table: used.append(1) or compiled(table)
+    in_c._compiled = lambda table: calls.append(1) or compiled(table)
     for _ in range(60):
         m, count = int(rng.integers(1, 5)), int(rng.choice([1, 2, 5, 8]))
         inputs, rows = draw_rows(kind, m, count, rng)
         u = least_violation(inputs, rows, in_c)
         assert u.tobytes() == least_violation(inputs, rows).tobytes()
-    assert (len(used) == 60) is (kind != "large")
+    assert (len(calls) == 60) is (kind != "large")
 
 
 @needs_a_compiler

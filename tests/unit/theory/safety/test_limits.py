@@ -60,13 +60,13 @@ def test_no_limit_is_left_out_where_distant_pairs_are():
     swarm = build_swarm(phalanx.load("swarm", overrides={**SWARM, "limits": BALL}))
     x, functions = swarm.start(), LargestPsi(build_rows(swarm)).functions
     p = swarm.positions(x)
-    which, values, _ = RelevantPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
+    columns, values, _ = RelevantPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
     composed = swarm.safe_set
     limits = {k for k, p in enumerate(composed.pairs) if "limit" in composed.label(p)}
     every = swarm.pairs.choose(swarm.pairs.every).h(x)
-    assert len(which) < len(every)
+    assert len(columns) < len(every)
     assert len(limits) == 40
-    assert limits <= set(which.tolist())
+    assert limits <= set(columns.tolist())
     assert values[..., 0].max() == every.max()
 
 
