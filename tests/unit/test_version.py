@@ -19,7 +19,6 @@ FILES = ("phalanx/__init__.py", "CITATION.cff", "CHANGELOG.md", *map(str, (
 
 def test_all_that_names_a_version_names_the_same():
     named = RELEASE["versions"](ROOT)
-    assert len(named) == 9
     assert named == {file: {phalanx.__version__} for file in FILES}
 
 

@@ -5,17 +5,20 @@ import json
 import logging
 import secrets
 import time
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import viser
 
 from phalanx.messages.frames import Frame
+from phalanx.schema.extensions import MissingExtensionError, extension
 from phalanx_viewer.feeds import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.explanation import ExplanationPanel, Moment
 from phalanx_viewer.page.panels import CommandPanel, Panels
 from phalanx_viewer.plots.plots import content, script, values_at
 from phalanx_viewer.scene.picture import Picture
@@ -76,7 +79,8 @@ class Visitor:
         self.selected = 0
         """The chosen agent."""
         self._commands: CommandPanel | None = None
-        self.explanation: ExplanationPanel | None = None
+        self.explanation: Any = None
+        """The panel of the package that explains, if there is one and the run is recorded."""
         server.run_script("script", script, client)
         self.scene = Scene(client, feed.model, self.select)
         self._panels = Panels(client.gui, feed.model, self.select)
@@ -93,8 +97,9 @@ class Visitor:
         """Show a feed from now on: of a live run, or of its recording."""
         if isinstance(feed, Replay):
             self.scene.expect(feed.history.trajectory)
-            shown = partial(self._shown, feed)
-            self.explanation = ExplanationPanel(self._server, self.client.gui, shown)
+            with suppress(MissingExtensionError):
+                panel = extension("explanation-panel")
+                self.explanation = panel(self._server, self.client.gui, partial(self._shown, feed))
             if self._commands:
                 self._commands.folder.remove()
                 self._commands = None
@@ -105,8 +110,8 @@ class Visitor:
         self.stale = True
         """True until the page shows the last frame and choice."""
 
-    def _shown(self, replay: Replay) -> Moment:
-        return Moment(replay.path, self._model.names[self.selected], replay.t)
+    def _shown(self, replay: Replay) -> tuple[Path, str, float]:
+        return replay.path, self._model.names[self.selected], replay.t
 
     def admit(self, live: Live) -> None:
         """Let the visitor command a live run."""

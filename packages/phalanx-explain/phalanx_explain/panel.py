@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import msgspec
 import viser
-
 from phalanx_viewer.scene.server import SceneServer, in_loop
 from phalanx_viewer.scene.texts import Markup, Panel, element, markup
 
@@ -31,9 +30,9 @@ class ExplanationPanel:
     """A button and its text, on one visitor's page of a recording."""
 
     def __init__(
-        self, server: SceneServer, gui: viser.GuiApi, moment: Callable[[], Moment]
+        self, server: SceneServer, gui: viser.GuiApi, moment: Callable[[], tuple[Path, str, float]]
     ) -> None:
-        """`moment` tells what the page shows when the button is pressed."""
+        """`moment` tells what the page shows when the button is pressed, as Moment has it."""
         self._server, self._moment, self._left = server, moment, False
         self._answering: Thread | None = None
         self.program: subprocess.Popen[bytes] | None = None
@@ -46,7 +45,7 @@ class ExplanationPanel:
     def _ask(self) -> None:
         if self._answering and self._answering.is_alive():
             return  # one program at a time
-        moment = self._moment()
+        moment = Moment(*self._moment())
         self._text.show(_texts([f"Explaining agent {moment.agent} at {moment.t:.3f} s ..."]))
         # Not in the server's thread: it takes as long as the run up to then.
         self.program = subprocess.Popen(_command(moment), stdout=PIPE, stderr=PIPE)
