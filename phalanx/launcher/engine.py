@@ -72,6 +72,11 @@ ENGINES = {
         "the same control steps called directly, faster; the trajectory is the same to the last "
         "bit",
     ),
+    "native": EngineEntry(
+        "phalanx.native.loop.engine:run_native",
+        "the same steps in C, many times faster and with the same bits, where the scenario and a "
+        "compiler allow; else in-process, and the log says why",
+    ),
 }
 """The engines by name, the default first."""
 DEFAULT_ENGINE = next(iter(ENGINES))
@@ -90,8 +95,9 @@ class RunOptions:
     """The options of a run; phalanx.run takes them as keywords.
 
     Args:
-        engine: "processes", every program a process of its own over Zenoh, or "in-process", the
-            same control steps called directly; both give the same trajectory to the last bit.
+        engine: "processes", every program a process of its own over Zenoh; "in-process", the same
+            control steps called directly; or "native", the same in C where that is possible. All
+            give the same trajectory to the last bit.
         out: of phalanx.run: folder in which the run gets a folder of its own. By default a
             temporary one, removed with the returned object.
         progress: called a few times a second with the run's status, perhaps in another thread.

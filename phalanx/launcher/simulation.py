@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from phalanx_agent.step import control_steps
@@ -40,6 +40,7 @@ from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.arrays import Array
 
 _OPTIONS = RunOptions("in-process")
+T = TypeVar("T")
 _PATIENCE = 20.0
 """Wall time of the run that shows which functions are needed, at most [s]."""
 
@@ -74,7 +75,7 @@ class Simulation:
         """
         self.summary: Summary | None = None
         """Of the run, once it is over."""
-        self._rows = rows
+        self._rows, self._options = rows, options
         folder, sink = (records, None) if isinstance(records, Path) else (None, records)
         self._folder, self._count = folder, 0
         self._wall = 0.0
@@ -84,12 +85,16 @@ class Simulation:
                 writer = RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name)
                 sink = self._recording = opened.enter_context(writer)
             self.queue = CommandQueue(options.commands, rows.swarm.names)
-            agents = self.agents = DirectAgents(rows, options.progress)
-            opened.callback(agents.end_programs)
-            parts = rows, agents, sink, self.queue, self._make_clock
-            self.plant = PlantRun(*parts, batch=LARGE_BATCH)
+            self.plant = self._plant_run(sink, opened)
             self._instants = self._watched_instants()
             self._opened = opened.pop_all()
+
+    def _plant_run(self, sink: RecordSink | None, opened: ExitStack) -> PlantRun:
+        """Return the plant's part, with agents that go on by themselves; opened: until the end."""
+        agents = self.agents = DirectAgents(self._rows, self._options.progress)
+        opened.callback(agents.end_programs)
+        parts = self._rows, agents, sink, self.queue, self._make_clock
+        return PlantRun(*parts, batch=LARGE_BATCH)
 
     def _make_clock(self, *parts: Any) -> Lockstep:
         self.clock = Lockstep(*parts)
@@ -178,9 +183,13 @@ class RecordsInMemory:
         for record in records:
             self._of[type(record)].append(record)
 
+    def of(self, kind: type[T]) -> list[T]:
+        """Return the records of a class."""
+        return self._of[kind]
+
     def recording(self, scenario: Scenario, summary: Summary | None = None) -> Recording:
         """Return the states and steps so far, as of a run of this scenario with this summary."""
-        return Recording(Path(), scenario, {}, self._of[State], self._of[Step], summary=summary)
+        return Recording(Path(), scenario, {}, self.of(State), self.of(Step), summary=summary)
 
 
 class DirectAgents(NoProcesses):

@@ -44,10 +44,13 @@ _OPTIONS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-w")
 _PORTABLE_ZIG = ("-mcpu=baseline",)
 _ROWS = """
 void rows(const double *in, double *out, long long count) {{
+  const double *from[{from_}];
+  double *to[{to}], w[{w}];
+  casadi_int iw[{iw}];
   for (long long r = 0; r < count; ++r) {{
-    const double *from[1] = {{in + r * {inputs}}};
-    double *to[1] = {{out + r * {outputs}}};
-    f(from, to, 0, 0, 0);
+    from[0] = in + r * {inputs};
+    to[0] = out + r * {outputs};
+    f(from, to, iw, w, 0);
   }}
 }}
 """
@@ -255,7 +258,14 @@ def _source(function: Source) -> str:
     code = ca.CodeGenerator("f", {"with_header": False})
     code.add(function)
     text: str = code.dump()
-    return text + _ROWS.format(inputs=function.numel_in(0), outputs=function.numel_out(0))
+    scalar = function.is_a("SXFunction")  # it needs no memory of its own
+    needed = (
+        (1, 1, 1, 1)
+        if scalar
+        else (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
+    )
+    sizes = dict(zip(("from_", "to", "iw", "w"), (max(1, n) for n in needed), strict=True))
+    return text + _ROWS.format(inputs=function.numel_in(0), outputs=function.numel_out(0), **sizes)
 
 
 def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:

@@ -145,13 +145,22 @@ class Rate:
     limit: Annotated[int, Ge(1)] = 1000
     """Most messages in the queue, with the one in transmission; a full queue drops new ones."""
 
+    @property
+    def takes(self) -> float:
+        """Time to transmit one message [s]."""
+        return 8.0 * self.size / self.bits_per_second
+
+    @property
+    def longest_wait(self) -> float:
+        """Wait in a full queue [s]."""
+        return (self.limit - 1 + _ROUNDING) * self.takes
+
     def treat(self, message: Message) -> Treatment:
-        takes = 8.0 * self.size / self.bits_per_second
         begins = max(message.t, message.previous)
         # A longer wait means that `limit` messages are before it, with the one in transmission.
-        if begins - message.t > (self.limit - 1 + _ROUNDING) * takes:
+        if begins - message.t > self.longest_wait:
             return DROP
-        return delay(begins + takes - message.t)
+        return delay(begins + self.takes - message.t)
 
 
 @dataclass(frozen=True)
@@ -175,13 +184,13 @@ def quantile(distribution: Distribution, u: float) -> float:
         return 2.0 * u - 1.0
     position = u * _CELLS
     cell = int(position)
-    table = _table(distribution)
+    table = quantile_table(distribution)
     low, high = float(table[cell]), float(table[cell + 1])
     return low + (position - cell) * (high - low)
 
 
 @cache
-def _table(distribution: Distribution) -> Array:
+def quantile_table(distribution: Distribution) -> Array:
     """Return the quantiles at 0, 1/4096, ..., 1, shape (4097,)."""
     shares = np.arange(_CELLS + 1) / _CELLS
     normal = np.clip(_normal(shares), -LONGEST, LONGEST)

@@ -39,7 +39,7 @@ class Draws:
 
         later: rows, increasing, from which on the table is that of another seed.
         """
-        self._keys = [(first, _key(new, purpose)) for first, new in ((0, seed), *later)]
+        self._keys = [(first, key_of(new, purpose)) for first, new in ((0, seed), *later)]
         """First rows, each with the key of the generator from there on."""
         self._width = width
         self._block: tuple[int, Array] = -1, np.empty((0, width))
@@ -90,7 +90,8 @@ class Draws:
         return [int(row) for row in np.maximum.accumulate(rows)]
 
 
-def _key(seed: int, purpose: tuple[str, ...]) -> int:
+def key_of(seed: int, purpose: tuple[str, ...]) -> int:
+    """Return the key of the generator of a purpose's draws, 128 bits."""
     name = "\x1f".join([str(seed), *purpose]).encode()
     return int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
 

@@ -73,11 +73,11 @@ class Flow:
 
     def __init__(self, flows: Flows, i: int, start: Array) -> None:
         """Place agent i, which started at `start` [m]."""
-        self._start, self._velocity = start, flows.velocity(i, len(start))
+        self.start, self.velocity = start, flows.velocity(i, len(start))
         self._rest = np.zeros(len(start))
 
     def goal(self, sight: Sight) -> Goal:
-        return Goal(self._start + sight.t * self._velocity, self._velocity, self._rest)
+        return Goal(self.start + sight.t * self.velocity, self.velocity, self._rest)
 
     def end(self) -> Array | None:
         return None

@@ -30,7 +30,7 @@ from phalanx.theory.rows.origin import EMPTY
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""
-_LANGUAGES = {".py", ".c"}
+_LANGUAGES = {".py", ".c", ".h"}
 
 
 class Identity(NamedTuple):

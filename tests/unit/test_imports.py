@@ -51,6 +51,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.native.files": set(),
     # Compiles, keeps and loads C; theory hands it what is to be C.
     "phalanx.native": rooms("native.files"),
+    # Whole runs in C; what they are of and what judges them is the in-process engine's.
+    "phalanx.native.loop": LAUNCHER | PLANT | rooms("plant native"),
     "phalanx.theory": set(),
     "phalanx.theory.expressions": rooms("native"),
     "phalanx.theory.models": rooms("theory.expressions"),
@@ -123,10 +125,10 @@ BUDGET: Mapping[str, int] = {
     "faults": 1030,
     "guarantee": 2950,
     "knowledge": 1685,
-    "launcher": 2320,
+    "launcher": 2335,
     "messages": 915,
-    "native": 330,
-    "network": 1585,
+    "native": 2420,
+    "network": 1595,
     "plant": 5690,
     "promise": 605,
     "recording": 2560,
@@ -135,7 +137,7 @@ BUDGET: Mapping[str, int] = {
     "schema": 960,
     "studies": 2130,
     "swarm": 2495,
-    "theory": 9275,
+    "theory": 9290,
     "viewer": 5045,
     "wire": 600,
 }
@@ -310,7 +312,7 @@ def test_rooms_ask_what_follows_from_the_options_of_safety_and_do_not_read_them(
     assert [*options_read("swarm.safety.margin, safety.eta, safety.prove")] == ["margin", "eta"]
 
 
-LANGUAGES = {".py", ".c", ".js", ".html", ".css"}
+LANGUAGES = {".py", ".c", ".h", ".js", ".html", ".css"}
 
 
 def lines_by_room() -> Counter[str]:
@@ -332,7 +334,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_450), ("phalanx.launcher.simulation", 22_860)]
+    ("program", "most"), [("phalanx_agent.main", 15_500), ("phalanx.launcher.simulation", 22_925)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

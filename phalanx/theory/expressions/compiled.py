@@ -75,7 +75,9 @@ class CompiledFunction:
         """
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
         function = portable_function([ca.vertcat(*inputs)], flat)
-        self._bound = _BoundRows(function, 1, native(function))
+        self.compiled = native(function)
+        """Machine code of it; None if it is not built."""
+        self._bound = _BoundRows(function, 1, self.compiled)
         last = np.cumsum([i.numel() for i in inputs]).tolist()
         self._inputs = [
             self._bound.arguments[end - i.numel() : end]
@@ -159,18 +161,19 @@ class MappedFunction:
 
     def mapped(self, count: int) -> ca.Function:
         """The CasADi function of `count` rows, one for each column; it may have no derivatives."""
-        compiled = self._compiled
+        compiled = self.compiled
         return (compiled.function if compiled else self._function).map(count)
 
     @cached_property
-    def _compiled(self) -> Native | None:
+    def compiled(self) -> Native | None:
+        """Machine code of it; None if it is not built."""
         # To look for it takes a millisecond: the key is the function's text.
         return native(self._function)
 
     def _view(self, count: int) -> _View:
         capacity = rounded_up(count)
         if capacity not in self._bound:
-            self._bound[capacity] = _BoundRows(self._function, capacity, self._compiled)
+            self._bound[capacity] = _BoundRows(self._function, capacity, self.compiled)
         bound = self._bound[capacity]
         view = self._views[count] = (
             bound.arguments[: count * self.inputs].reshape(count, self.inputs),

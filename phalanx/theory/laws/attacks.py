@@ -71,10 +71,10 @@ class Chase:
 
     def prepare(self, dynamics: Dynamics) -> None:
         self._dynamics, self._chain = dynamics, tracked_chain(dynamics, self.gains)
-        self._stay = self._towards([self._chain.derivatives[0]])
-        self._target: int | None = None
-        self._team: _Team | None = None
-        self._pursue: list[CompiledFunction] = []
+        self.stay = self._towards([self._chain.derivatives[0]])
+        self.target: int | None = None
+        self.team: _Team | None = None
+        self.pursue: list[CompiledFunction] = []
 
     def join(self, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]) -> "Chase":
         """The law of agent i in a swarm.
@@ -82,21 +82,21 @@ class Chase:
         Raises ValueError if a target is not a member or its output has another degree.
         """
         names, joined = [m.name for m in members], copy(self)
-        joined._pursue = self._towards_each([m.dynamics for m in members])
+        joined.pursue = self._towards_each([m.dynamics for m in members])
         if (target := self.targets.get(names[i])) is not None:
             if target not in names:
                 raise ValueError(f"targets: expected one of {names}, got {target!r}")
-            joined._target = names.index(target)
+            joined.target = names.index(target)
         alone = not obstacles and sum(m.adversary for m in members) == 1
         if self.guard is not None and not alone:
-            joined._team = _Team(self.guard, i, members, obstacles)
+            joined.team = _Team(self.guard, i, members, obstacles)
         return joined
 
     def input(self, view: View) -> Array:
         x = view.x[view.i]
-        target = self._target if self._target in view.x else nearest_normal(view)
-        (u,) = self._stay(x) if target is None else self._pursue[target](x, view.x[target])
-        return u if self._team is None else self._team.guarded(view.x, u)
+        target = self.target if self.target in view.x else nearest_normal(view)
+        (u,) = self.stay(x) if target is None else self.pursue[target](x, view.x[target])
+        return u if self.team is None else self.team.guarded(view.x, u)
 
     def _towards(self, reference: Sequence[ca.SX], *symbols: ca.SX) -> CompiledFunction:
         """Compile the input for p^d and its derivatives, expressions of the state and symbols."""
@@ -124,9 +124,9 @@ class _Team:
     def __init__(
         self, guard: Guard, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]
     ) -> None:
-        self._team = [j for j, m in enumerate(members) if m.adversary]
-        self._self = self._team.index(i)
-        team = [Member(members[j].name, members[j].dynamics, False) for j in self._team]
+        self.agents = [j for j, m in enumerate(members) if m.adversary]
+        self.place = self.agents.index(i)
+        team = [Member(members[j].name, members[j].dynamics, False) for j in self.agents]
         around = [
             Sphere(o.center, guard.obstacle_clearance) if isinstance(o, Sphere) else o
             for o in obstacles
@@ -138,21 +138,21 @@ class _Team:
         function, gains = Separation(guard.radius), [Linear(gain) for gain in guard.alpha]
         pairs = SwarmPairs(team, around, function, len(gains), functions)
         swarm = SwarmTerms(pairs, guard.rho, gains, guard.xi)
-        self._terms = swarm.of(self._self, None, guard.eta)
+        self.terms = swarm.of(self.place, None, guard.eta)
         self._states = swarm.members.states
         self._unseen = np.full(self._states[-1].stop, np.nan)
-        self._terms.compile()
+        self.terms.compile()
         self._qp = NearestInput(members[i].dynamics.input_metric())
 
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
         stacked = self._unseen.copy()
-        in_sight = [index for index, j in enumerate(self._team) if j in x]
+        in_sight = [index for index, j in enumerate(self.agents) if j in x]
         for index in in_sight:
-            stacked[self._states[index]] = x[self._team[index]]
-        terms = self._terms(stacked, in_sight)
-        row = split_row(terms, self._self, in_sight)
-        return decide(terms, self._self, row, u_nom, self._qp).u
+            stacked[self._states[index]] = x[self.agents[index]]
+        terms = self.terms(stacked, in_sight)
+        row = split_row(terms, self.place, in_sight)
+        return decide(terms, self.place, row, u_nom, self._qp).u
 
 
 @dataclass

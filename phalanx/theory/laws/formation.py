@@ -48,6 +48,10 @@ class Formation:
             values = values * s + coefficients
         return values
 
+    def polynomial(self, slot: int) -> Array:
+        """Return a slot's coefficients of s: position and derivatives, shape (degree + 1, 3 d)."""
+        return self._slot_polynomials[slot]
+
     def _at(self, t: float, polynomial: Array) -> Goal:
         s = min(t / self.finish, 1.0)
         values = polynomial[-1]

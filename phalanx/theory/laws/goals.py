@@ -134,17 +134,17 @@ class Polyline:
 
     def __init__(self, points: Array, times: Sequence[float]) -> None:
         """points: shape (k, d) [m]. times: k of them, increasing [s]."""
-        self._points, self._times = points, list(times)
-        self._velocities = np.diff(points, axis=0) / np.diff(self._times)[:, None]
+        self.points, self.times = points, list(times)
+        self.velocities = np.diff(points, axis=0) / np.diff(self.times)[:, None]
 
     def at(self, t: float) -> Goal:
         """The point's position and derivatives at t [s]; its acceleration is 0."""
-        passed = bisect_right(self._times, t)
-        if passed in (0, len(self._times)):
-            return hold(self._points[max(passed - 1, 0)])
-        velocity = self._velocities[passed - 1]
-        since = t - self._times[passed - 1]
-        return Goal(self._points[passed - 1] + since * velocity, velocity, np.zeros_like(velocity))
+        passed = bisect_right(self.times, t)
+        if passed in (0, len(self.times)):
+            return hold(self.points[max(passed - 1, 0)])
+        velocity = self.velocities[passed - 1]
+        since = t - self.times[passed - 1]
+        return Goal(self.points[passed - 1] + since * velocity, velocity, np.zeros_like(velocity))
 
 
 @dataclass
@@ -171,7 +171,7 @@ class Waypoints:
         if any(later <= earlier for earlier, later in pairwise(self.times)):
             raise ValueError("expected times that increase")
         self._points = np.array(self.points)
-        self._timed = Polyline(self._points, self.times) if self.times else None
+        self.timed = Polyline(self._points, self.times) if self.times else None
         self.reached = 0
         """How many points were reached, and so the index of the next one."""
 
@@ -184,8 +184,8 @@ class Waypoints:
         return last
 
     def goal(self, sight: Sight) -> Goal:
-        if self._timed:
-            return self._timed.at(sight.t)
+        if self.timed:
+            return self.timed.at(sight.t)
         assert self.tolerance is not None
         here = sight.position
         while self.reached < len(self._points) - 1:
@@ -221,10 +221,10 @@ class PathAtSpeed:
         return np.array(self.points[-1])
 
     def goal(self, sight: Sight) -> Goal:
-        return self._polyline.at(sight.t)
+        return self.polyline.at(sight.t)
 
     @cached_property
-    def _polyline(self) -> Polyline:
+    def polyline(self) -> Polyline:
         points, times = np.array(self.points), [0.0]
         for step in length(np.diff(points, axis=0)).tolist():
             times.append(times[-1] + step / self.speed)

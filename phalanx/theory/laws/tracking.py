@@ -113,10 +113,10 @@ class TrackVelocity:
         output = OutputVelocity(dynamics)
         p, v = (ca.SX.sym(name, output.p.numel()) for name in ("p", "v"))
         u = output.input_for(v + self.gain * (p - output.p))
-        self._input = CompiledFunction([output.x, p, v], [u])
+        self.formula = CompiledFunction([output.x, p, v], [u])
 
     def input(self, view: View) -> Array:
-        return self._input(view.x[view.i], view.goal.position, view.goal.velocity)[0]
+        return self.formula(view.x[view.i], view.goal.position, view.goal.velocity)[0]
 
 
 @dataclass
@@ -138,12 +138,12 @@ class Pursue:
         output = OutputVelocity(dynamics)
         p = ca.SX.sym("p", output.p.numel())
         u = output.input_for(self.gain * (p - output.p))
-        self._input = CompiledFunction([output.x, p], [u])
+        self.formula = CompiledFunction([output.x, p], [u])
 
     def input(self, view: View) -> Array:
         nearest = nearest_normal(view)
         target = view.i if nearest is None else nearest
-        return self._input(view.x[view.i], view.positions[target])[0]
+        return self.formula(view.x[view.i], view.positions[target])[0]
 
 
 def nearest_normal(view: View) -> int | None:
@@ -190,8 +190,8 @@ class Track:
         command = chain.pull(self.gains, goal)
         if q < len(goal):
             command += goal[q]
-        self._input = CompiledFunction([chain.x, *goal], [chain.input_for(command)])
+        self.formula = CompiledFunction([chain.x, *goal], [chain.input_for(command)])
 
     def input(self, view: View) -> Array:
         goal = view.goal
-        return self._input(view.x[view.i], goal.position, goal.velocity, goal.acceleration)[0]
+        return self.formula(view.x[view.i], goal.position, goal.velocity, goal.acceleration)[0]

@@ -140,9 +140,9 @@ class ComposedTerms:
     """One agent's terms of h_tot at any state."""
 
     def __init__(self, swarm: SwarmTerms, i: int, radius: float | None, margin: float) -> None:
-        self._swarm, self.margin = swarm, margin
+        self.swarm, self.margin = swarm, margin
         self._own_state = swarm.members.states[i]
-        self._near = swarm.obstacles_within(i, radius)
+        self.near = swarm.obstacles_within(i, radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
         self._function: _ComposedFunction
         self._members: tuple[int, ...] = ()
@@ -158,33 +158,33 @@ class ComposedTerms:
             x: anything for members out of sight. It is read on first use of a term.
             in_sight: in ascending order; None for all.
         """
-        return LazyTerms(self, x, self._swarm.everyone if in_sight is None else tuple(in_sight))
+        return LazyTerms(self, x, self.swarm.everyone if in_sight is None else tuple(in_sight))
 
     def compile(self) -> None:
         """Compile the function of all members now, and not at the first state."""
-        states = self._swarm.members.states
-        self.choose(np.zeros(states[-1].stop), self._swarm.everyone)
+        states = self.swarm.members.states
+        self.choose(np.zeros(states[-1].stop), self.swarm.everyone)
 
     def positions(self, x: Array, in_sight: tuple[int, ...]) -> Mapping[int, Array]:
         """Output positions of the members in sight [m]."""
         if in_sight != self._members:
-            self._members, self._positions = in_sight, Positions(self._swarm.members, in_sight)
+            self._members, self._positions = in_sight, Positions(self.swarm.members, in_sight)
         return self._positions(x)
 
     def psi(self, x: Array, in_sight: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        return self.choose(x, self._swarm.everyone if in_sight is None else tuple(in_sight)).psi(x)
+        return self.choose(x, self.swarm.everyone if in_sight is None else tuple(in_sight)).psi(x)
 
     def choose(self, x: Array, in_sight: tuple[int, ...]) -> _ComposedFunction:
         """The function of the pairs in sight at x."""
-        pairs = self._swarm.pairs
-        near = self._near(x[self._own_state], pairs.parameters)[0] if self._near else None
+        pairs = self.swarm.pairs
+        near = self.near(x[self._own_state], pairs.parameters)[0] if self.near else None
         # The same are in sight for many samples, and to choose takes longer than to evaluate.
         key = in_sight, b"" if near is None else near.tobytes()
         if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
             chosen = pairs.choose(pairs.among(in_sight, around))
-            self._key, terms = key, self._swarm
+            self._key, terms = key, self.swarm
             self._function = _ComposedFunction(terms.by_jets, terms.numbers, in_sight, chosen)
         return self._function
 

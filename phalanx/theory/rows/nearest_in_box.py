@@ -31,8 +31,7 @@ class NearestInBox:
     """nearest_in_box for one metric; in C if the cache of compiled functions has it."""
 
     def __init__(self, metric: Sequence[float]) -> None:
-        source = Path(__file__).with_suffix(".c").read_text("utf-8")
-        self._compiled, self._metric = native_source(source, _checked), metric
+        self._compiled, self._metric = compiled_nearest(), metric
         self._numbers = _program(metric)
         self._place = address(self._numbers)
 
@@ -50,7 +49,7 @@ class NearestInBox:
         return numbers[5].copy() if exists else None
 
 
-_Compiled = Callable[[int, Any, float, float], int]
+Compiled = Callable[[int, Any, float, float], int]
 
 
 def _program(metric: Sequence[float]) -> Array:
@@ -60,7 +59,13 @@ def _program(metric: Sequence[float]) -> Array:
     return numbers
 
 
-def _checked(library: ctypes.PyDLL) -> _Compiled:
+def compiled_nearest() -> Compiled | None:
+    """The function in C; None if the cache of compiled functions lacks it."""
+    source = Path(__file__).with_suffix(".c").read_text("utf-8")
+    return native_source(source, _checked)
+
+
+def _checked(library: ctypes.PyDLL) -> Compiled:
     """The function of a library. Raises ValueError unless its bits are the reference's."""
     function = library.nearest_in_box
     function.argtypes = ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double
@@ -74,7 +79,7 @@ def _checked(library: ctypes.PyDLL) -> _Compiled:
             exists = function(m, address(numbers), bound, TOLERANCE)
             if (numbers[5].tolist() if exists else None) != u:
                 raise ValueError("nearest_in_box.c computes other bits")
-    compiled: _Compiled = function
+    compiled: Compiled = function
     return compiled
 
 

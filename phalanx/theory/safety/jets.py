@@ -82,6 +82,12 @@ class LogSumExpJets:
         rows = np.column_stack(s)
         return self._psi(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
 
+    def flat(self, pairs: int) -> ca.Function:
+        """Return `composition` of a column, pair after pair, with one column as result."""
+        x = ca.MX.sym("x", (self.degree + 1) * pairs)
+        chain, weights = self.composition(pairs)(ca.reshape(x, self.degree + 1, pairs))
+        return ca.Function("f", [x], [ca.vertcat(chain, ca.vec(weights))])
+
     def _composition(self, pairs: int) -> ca.Function:
         """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
 

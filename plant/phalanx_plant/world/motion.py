@@ -46,7 +46,7 @@ class Motion:
         """Compile the steps; `most` is the largest number of steps in one call."""
         groups = by_dynamics(members)
         axes = int(members[0].dynamics.position(ca.SX(groups[0].states.shape[1], 1)).numel())
-        self._axes, self._groups = axes, list[_Steps]()
+        self._axes, self.groups = axes, list[_Steps]()
         self._outputs = axes * len(members)
         self._group_of: dict[int, _Steps] = {}
         """By member."""
@@ -69,7 +69,7 @@ class Motion:
             ]
             both = list(zip(rows, results, strict=True))
             group = _Steps(x, np.hstack([x, p]), steps, both, position)
-            self._groups.append(group)
+            self.groups.append(group)
             self._group_of |= dict.fromkeys(agents.tolist(), group)
 
     def steps(
@@ -90,7 +90,7 @@ class Motion:
         for part, value in zip(self._arguments, values, strict=True):
             part[:] = value
         after = np.empty((count, states + self._outputs))
-        for group in self._groups:
+        for group in self.groups:
             rows, results = group.rows[count - 1]
             rows(self._numbers)
             after[:, group.after] = results
@@ -108,7 +108,7 @@ class Motion:
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
         here = np.empty(x.size + self._outputs)
-        for group in self._groups:
+        for group in self.groups:
             here[group.after[:, -self._axes :]] = group.position(x, group.states)
         return here[len(x) :].reshape(-1, self._axes)
 

@@ -140,5 +140,5 @@ def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
     states = {l: x[part] for l, part in enumerate(parts)}
     sight = View(4, states, swarm.normal, hold(terms.positions[4]), terms, 0.0)
     assert law.input(sight)[0] < 0
-    law._team = None
+    law.team = None
     assert law.input(sight)[0] > 0

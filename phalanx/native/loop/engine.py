@@ -1,0 +1,175 @@
+"""The native engine: the run in C, and its events judged and recorded as those of any engine."""
+
+import ctypes
+import logging
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.judge.event_queue import LARGE_BATCH, EventQueue
+from phalanx_plant.observers.recorder import RecordSink
+from phalanx_plant.run import PlantRun
+from phalanx_plant.sampling.sampling import Sampling
+from phalanx_plant.world.world import World
+
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher import interrupt
+from phalanx.launcher.engine import Progress, RunOptions
+from phalanx.launcher.simulation import Simulation
+from phalanx.messages.kinds import Status, Telemetry
+from phalanx.native.library import build, missing, require_compiler
+from phalanx.native.loop.eligible import reason_against
+from phalanx.native.loop.events import EventReader
+from phalanx.native.loop.kernels import Kernels
+from phalanx.native.loop.library import compiled_loop
+from phalanx.native.loop.tables import RunMemory
+from phalanx.recording.records import RECORDING
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+
+log = logging.getLogger("phalanx.native")
+NATIVE, IN_PROCESS = "native", "in-process"
+_OVER = 1
+_WHY = {
+    -1: "a number is no longer finite",
+    -2: "a link's rule makes too many copies, or none that can arrive",
+    -3: "too many broadcasts are under way at once",
+}
+"""Of a call that failed."""
+
+
+class LoopError(Exception):
+    """The loop cannot go on: the run is to be made in process, which says what is wrong."""
+
+
+class CompiledRun:
+    """A run's tables and functions, ready to begin."""
+
+    def __init__(self, rows: SafetyRows, memory: RunMemory, loop: ctypes.PyDLL) -> None:
+        self.rows, self._memory, self._loop = rows, memory, loop
+        self._place = ctypes.c_void_p(memory.run.words.ctypes.data)
+        self.reader = EventReader(rows, memory.run)
+        loop.begin(self._place)
+
+    def advance(self) -> int:
+        """Go on until the results are full; return 1 if the run is over. Raises LoopError."""
+        status = int(self._loop.advance(self._place))
+        if status < 0:
+            raise LoopError(_WHY[status])
+        return status
+
+
+def compiled_run(rows: SafetyRows) -> CompiledRun | None:
+    """Return a run of eligible rows; None if a function of it is not compiled."""
+    kernels, loop = Kernels(), compiled_loop()
+    memory = RunMemory(rows, kernels)
+    return CompiledRun(rows, memory, loop) if loop and kernels.complete else None
+
+
+class NativeSimulation(Simulation):
+    """A run whose steps are made in C; it is judged and recorded as in process."""
+
+    def __init__(
+        self, run: CompiledRun, records: Path | RecordSink | None, options: RunOptions
+    ) -> None:
+        """records: as Simulation takes them."""
+        self._run = run
+        super().__init__(run.rows, records, options)
+
+    def _plant_run(self, sink: RecordSink | None, opened: ExitStack) -> PlantRun:
+        agents = _Reports(self._run.reader, self._options.progress)
+        parts = self._rows, agents, sink, self.queue, self._make_native
+        return PlantRun(*parts, batch=LARGE_BATCH)
+
+    def _make_native(
+        self, world: World, _: Sampling, __: Any, events: EventQueue, ___: CommandQueue
+    ) -> "_Clock":
+        return _Clock(self._run, world, events)
+
+    def _compile(self) -> None:
+        """Do nothing: all is compiled."""
+
+
+class _Reports:
+    """The agents' reports, as the judge awaits them."""
+
+    def __init__(self, reader: EventReader, progress: Progress) -> None:
+        self._reader, self._progress = reader, progress
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        """Return agent i's report on its sample k."""
+        return self._reader.take_telemetry(i, k)
+
+    def publish_status(self, message: Status) -> None:
+        """Call the run's progress callback."""
+        self._progress(message)
+
+
+class _Clock:
+    """Lets the loop go on, and hands its events to the judge."""
+
+    punctuality = None
+
+    def __init__(self, run: CompiledRun, world: World, events: EventQueue) -> None:
+        self._run, self._world, self._events = run, world, events
+
+    def run(self, duration: float) -> None:
+        """Run to the end. Raises LoopError, and as the judge does."""
+        reader, world, status = self._run.reader, self._world, 0
+        with self._events:
+            while status != _OVER:
+                began = time.perf_counter()
+                status = self._run.advance()
+                for instant in reader.instants(time.perf_counter() - began):
+                    self._events.add(instant)
+                world.t, world.x, world.p = reader.t, reader.x, reader.p
+                self._events.judge_batches()
+                interrupt.raise_pending()
+
+
+def run_native(scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions) -> Summary:
+    """Run a scenario to its verdict, as an Engine; in process if it cannot be run in C."""
+    rows, reason = _runnable(scenario, options)
+    folder = make_folder()
+    with interrupt.handled(), interrupt.deferred():
+        if not reason:
+            run = compiled_run(rows)
+            assert run is not None
+            try:
+                return NativeSimulation(run, folder, options).run()
+            except LoopError as error:
+                reason = str(error)
+                (folder / RECORDING).unlink()
+        log.warning("in process, not native: %s", reason)
+        return Simulation(require_runnable(build_swarm(scenario)), folder, options).run()
+
+
+def _runnable(scenario: Scenario, options: RunOptions) -> tuple[SafetyRows, str]:
+    """Return rows whose functions are compiled, and why they cannot be run in C, if so."""
+    rows = require_runnable(build_swarm(scenario))
+    reason = reason_against(rows)
+    if options.commands.schedule:
+        reason = reason or "it has commands"
+    if reason:
+        return rows, reason
+    try:
+        return compiled_rows(scenario), ""
+    except OSError as error:
+        return rows, str(error)
+
+
+def compiled_rows(scenario: Scenario) -> SafetyRows:
+    """Return an eligible scenario's rows, with all functions that the loop calls compiled.
+
+    Raises OSError: there is no compiler, it fails, or the cache cannot be written.
+    """
+    require_compiler()
+    with missing() as functions:
+        compiled_run(require_runnable(build_swarm(scenario)))
+    build(functions, lambda _: None)
+    return require_runnable(build_swarm(scenario))

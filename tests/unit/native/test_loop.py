@@ -1,0 +1,126 @@
+"""The loop in C gives what the same run in process does, to the bit: verdict, recording, hash."""
+
+import shutil
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+import phalanx
+from phalanx.launcher.engine import RunOptions
+from phalanx.launcher.simulation import RecordsInMemory, Simulation
+from phalanx.native import library
+from phalanx.native.library import COMPILER, FOLDER
+from phalanx.native.loop import engine
+from phalanx.native.loop.eligible import reason_against
+from phalanx.native.loop.engine import NativeSimulation, compiled_rows, compiled_run
+from phalanx.recording.records import State, Step
+from phalanx.scenario.load import shipped
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
+]
+ELIGIBLE = [
+    "unicycles", "formation3d", "formation3d-beta3", "one-on-one", "pinned", "surrounded",
+    "stale-inputs", "attacks/paper-margin", "attacks/paper-margin-two", "faults/burst",
+    "faults/corrupt", "faults/delay", "faults/distance", "faults/duplicate", "faults/loss",
+    "faults/rate", "faults/reorder", "faults/slot", "faults/trace",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A cache of functions that are compiled fast: no option but -ffp-contract changes a bit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(COMPILER, "cc")
+        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("cache") / "functions"))
+        patch.setattr(library, "_OPTIONS", ("-O0", *library._OPTIONS[1:]))
+        _forget()
+        yield
+    _forget()
+
+
+def _forget() -> None:
+    library._folder.cache_clear()
+    library._compiler.cache_clear()
+    library._loaded.clear()
+
+
+def in_c(scenario: Scenario) -> tuple[dict[str, object], RecordsInMemory]:
+    records, run = RecordsInMemory(), compiled_run(compiled_rows(scenario))
+    assert run is not None
+    return results(NativeSimulation(run, records, RunOptions("native")), records)
+
+
+def in_process(scenario: Scenario) -> tuple[dict[str, object], RecordsInMemory]:
+    records = RecordsInMemory()
+    rows = require_runnable(build_swarm(scenario))
+    return results(Simulation(rows, records), records)
+
+
+def results(
+    simulation: Simulation, records: RecordsInMemory
+) -> tuple[dict[str, object], RecordsInMemory]:
+    summary = msgspec.to_builtins(simulation.run())
+    del summary["wall_time"]
+    for step in records.of(Step):
+        step.solve_time = 0.0
+    return summary, records
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("name", ELIGIBLE)
+def test_verdict_and_recording_are_those_of_the_run_in_process(name, seed):
+    scenario = phalanx.load(name, {"duration": 0.6}, seed)
+    (summary, records), (expected, reference) = in_c(scenario), in_process(scenario)
+    assert summary == expected
+    assert records.of(State) == reference.of(State)
+    assert records.of(Step) == reference.of(Step)
+
+
+def test_all_others_have_a_reason_in_words():
+    reasons = {
+        name: reason_against(build_rows(build_swarm(phalanx.load(name))))
+        for name in shipped()
+        if not name.startswith("worlds")
+    }
+    assert {name for name, reason in reasons.items() if reason is None} == {*ELIGIBLE}
+    assert reasons["guaranteed-radio"] == "agents know one another by radio"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "why"),
+    [
+        ({"safety.information": "unknown", "safety.eta": 1.0}, "its information model"),
+        ({"reseed": [{"at": 0.01, "seed": 2}]}, "its seed changes"),
+        ({"network.sample.loss": 0.5}, "links on board 1 have rules"),
+    ],
+)
+def test_what_is_not_eligible_runs_in_process_and_the_log_says_why(overrides, why, caplog):
+    scenario = phalanx.load("unicycles", {"duration": 0.05, **overrides})
+    run = phalanx.run(scenario, engine="native")
+    assert why in caplog.text
+    assert run.summary.trajectory == phalanx.run(scenario, engine="in-process").summary.trajectory
+
+
+def test_without_a_compiler_too(monkeypatch, caplog):
+    monkeypatch.setattr(library, "_compiler", lambda: None)
+    run = phalanx.run(phalanx.load("unicycles", {"duration": 0.05}), engine="native")
+    assert "no C compiler" in caplog.text
+    assert run.summary.steps > 0
+
+
+def test_a_run_that_the_loop_cannot_finish_is_made_in_process(monkeypatch, caplog):
+    monkeypatch.setattr(engine.CompiledRun, "advance", _failing)
+    run = phalanx.run(phalanx.load("one-on-one", {"duration": 0.05}), engine="native")
+    assert "too many broadcasts" in caplog.text
+    assert run.summary.steps > 0
+
+
+def _failing(_: object) -> int:
+    raise engine.LoopError("too many broadcasts are under way at once")
