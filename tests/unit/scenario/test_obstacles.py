@@ -9,29 +9,6 @@ from phalanx.scenario.model import ScenarioError, to_json
 from phalanx.swarm.swarm import build_swarm
 
 CORNERS = [[3.0, -2.0], [6.5, -3.0], [3.0, -4.0]]
-MISTAKES = {
-    "too few corners": (CORNERS[:2], r"obstacles.0.*: expected at least 3 items"),
-    "too many corners": (
-        [[k, k * k] for k in range(9)],
-        r"obstacles.0.*: expected at most 8 items",
-    ),
-    "corners in a dent": (
-        [*CORNERS, [3.1, -3.0]],
-        r"obstacles.0: corners: expected those of a convex",
-    ),
-    "corners in space": (
-        [[*CORNERS[0], 0.0], *CORNERS[1:]],
-        r"obstacles.0.corners.0: expected at most 2 items",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_in_a_polygon_is_one_line(name):
-    corners, message = MISTAKES[name]
-    with pytest.raises(ScenarioError, match=message) as error:
-        load("unicycles", {"obstacles": [{"corners": corners}]})
-    assert len(str(error.value).splitlines()) == 1
 
 
 def test_a_polygon_is_for_agents_in_the_plane():
