@@ -24,38 +24,24 @@ from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import FilterInput
+from tests.unit.tables import SPLIT, group, swarm_table
 
-SWAP = {
-    "name": "swap",
-    "duration": 8.0,
-    "safety": {
-        "function": {"type": "distance", "radius": 1.0},
-        "rho": 20.0,
-        "alpha": [3.0],
-        "composition": "pairs",
-        "margin": "integrated",
-        "information": "split",
-    },
-    "agents": [
-        {
-            "names": ["a", "b", "c", "d"],
-            "role": "normal",
-            "dynamics": {"type": "single-integrator", "speed": 2.0},
-            "law": {"type": "track-velocity", "gain": 1.0},
-            "clock": {"period": 0.05, "jitter": 0.01},
-            "start": [[5.0, 0.0], [-5.0, 0.0], [0.0, 5.0], [0.0, -5.0]],
-            "goal": [[-5.0, 0.0], [5.0, 0.0], [0.0, -5.0], [0.0, 5.0]],
-        }
-    ],
-}
-ATTACK = {
-    "names": ["z"],
-    "role": "adversary",
-    "dynamics": {"type": "single-integrator", "speed": 0.5},
-    "law": {"type": "pursue"},
-    "clock": {"period": 0.05},
-    "start": [[3.0, 3.0]],
-}
+ACROSS = [[5.0, 0.0], [-5.0, 0.0], [0.0, 5.0], [0.0, -5.0]]
+SWAP = swarm_table(
+    group(
+        "a b c d",
+        "normal",
+        ACROSS,
+        law={"type": "track-velocity", "gain": 1.0},
+        clock={"period": 0.05, "jitter": 0.01},
+        goal=[ACROSS[k] for k in (1, 0, 3, 2)],
+    ),
+    function="distance",
+    safety=SPLIT | {"rho": 20.0, "alpha": [3.0]},
+    name="swap",
+    duration=8.0,
+)
+ATTACK = group("z", "adversary", [[3.0, 3.0]], "pursue", speed=0.5, period=0.05)
 AGAINST = {"agents": [*SWAP["agents"], ATTACK], "network": {"loss": 0.2, "delay": 0.03}}
 
 

@@ -5,6 +5,7 @@ from phalanx_certify.checker.certify import Certification, certify
 
 import phalanx
 from phalanx import Outcome
+from tests.unit.tables import group, swarm_table
 
 
 def run(name: str, *overrides: str) -> phalanx.Summary:
@@ -132,29 +133,12 @@ def turned(
         ("2", "normal", 1.0, "track-velocity", [0.0, victim]),
         ("3", "adversary", 4.0, "track-velocity", adversary),
     )
-    scenario = phalanx.Scenario.model_validate(
-        {
-            "name": "turned",
-            "duration": 1.0,
-            "safety": {
-                "function": {"type": "separation", "radius": 1.0},
-                "rho": 1.0,
-                "alpha": [1.0],
-                "eta": 0.0,
-            },
-            "obstacles": [{"center": obstacle, "clearance": 0.5}],
-            "agents": [
-                {
-                    "names": [name],
-                    "role": role,
-                    "dynamics": {"type": "single-integrator", "speed": speed},
-                    "clock": {"period": 0.01},
-                    "law": {"type": law},
-                    "start": [start],
-                }
-                for name, role, speed, law, start in agents
-            ],
-        }
+    groups = [
+        group(name, role, [start], law, speed=speed) for name, role, speed, law, start in agents
+    ]
+    obstacles = [{"center": obstacle, "clearance": 0.5}]
+    scenario = phalanx.load(
+        swarm_table(*groups, safety={"rho": 1.0, "eta": 0.0}, obstacles=obstacles)
     )
     turn = phalanx.Command(at, phalanx.CommandKind.TURN, "1")
     kill = phalanx.Command(killed, phalanx.CommandKind.KILL, "1")

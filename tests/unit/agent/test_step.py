@@ -16,6 +16,7 @@ from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from tests.unit.swarms import rows_of_scenario
+from tests.unit.tables import group, swarm_table
 
 PERIOD = 0.01
 
@@ -86,18 +87,11 @@ def test_a_broadcast_from_before_its_time_is_refused(step: ControlStep):
 
 
 def test_each_sender_may_send_as_much_as_its_own_clock_lets_it():
-    group = {
-        "role": "normal",
-        "dynamics": {"type": "single-integrator", "speed": 1.0},
-        "law": {"type": "track-velocity"},
-    }
     groups = [
-        {**group, "names": [name], "clock": {"period": period}, "start": [[5.0 * place, 0.0]]}
+        group(name, "normal", [[5.0 * place, 0.0]], speed=1.0, period=period)
         for place, (name, period) in enumerate([("me", 0.01), ("quick", 0.01), ("slow", 0.1)])
     ]
-    function = {"type": "separation", "radius": 1.0}
-    safety = {"function": function, "rho": 1.0, "alpha": [1.0], "eta": 0.0}
-    scenario = load({"name": "three", "duration": 10.0, "safety": safety, "agents": groups})
+    scenario = load(swarm_table(*groups, safety={"eta": 0.0}, duration=10.0))
     step = ControlStep(build_rows(build_swarm(scenario)), 0)
     late = Broadcast(k=2000, t_apply=0.0, u=(0.0, 0.0))
     step.accept_broadcast("quick", late)

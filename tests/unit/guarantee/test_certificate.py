@@ -28,6 +28,7 @@ from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere
 from tests.layers import layered
 from tests.unit.swarms import swarm_of_scenario
+from tests.unit.tables import group, swarm_table
 
 seeds = st.integers(0, 2**32 - 1)
 TAU = 0.05
@@ -287,18 +288,11 @@ def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng)
 def boosted(gain: float) -> Swarm:
     """Agent 1, and agent 2 that is 3 m from it, of dynamics that are equal by `==`, with a gain."""
     dynamics = {"type": "tests.unit.theory.users_own:Boosted", "speed": 1.0}
-    group = {
-        "clock": {"period": 0.01},
-        "law": {"type": "track", "gains": [1.0]},
-        "dynamics": dynamics,
-    }
     agents = [
-        group | {"names": ["1"], "role": "normal", "start": [[0.0, 0.0]]},
-        group | {"names": ["2"], "role": "normal", "start": [[3.0, 0.0]]},
+        group(str(k + 1), "normal", [[3.0 * k, 0.0]], dynamics=dynamics | {"gain": each})
+        for k, each in enumerate((1.0, gain))
     ]
-    agents[1]["dynamics"] = dynamics | {"gain": gain}
-    safety = {"function": {"type": "separation", "radius": 1.0}, "rho": 1.0, "alpha": [1.0]}
-    table = {"name": "boosted", "duration": 1.0, "safety": safety | {"eta": 0.0}, "agents": agents}
+    table = swarm_table(*agents, safety={"rho": 1.0, "eta": 0.0})
     return build_swarm(load(table))
 
 

@@ -15,6 +15,7 @@ from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.plant.reports import STEP
 from tests.unit.swarms import swarm_of_scenario
+from tests.unit.tables import group, swarm_table
 
 LARGE = ("agents.0.count=42", "agents.1.count=6")
 
@@ -73,24 +74,16 @@ def three_on_a_line_and_a_sphere(dynamics: str = "single-integrator") -> Swarm:
     All go 1 m/s and keep 1 m apart, and 3 m away from (0, 50).
     """
 
-    def group(name: str, period: float, **pushed: dict) -> dict:
-        return {
-            "names": [name],
-            "role": "normal",
-            "dynamics": {"type": dynamics, "speed": 1.0},
-            "law": {"type": "track-velocity"},
-            "clock": {"period": period},
-            "start": [[100.0 * "abc".index(name), 0.0]],
-            **pushed,
-        }
-
+    of_all = {"type": dynamics, "speed": 1.0}
     pushed = {"disturbance": {"bound": PUSHED, "every": 0.2}}
-    agents = [group("a", 0.01), group("b", 0.05), group("c", 0.05, **pushed)]
-    function = {"type": "separation", "radius": 1.0}
-    safety = {"function": function, "rho": 5.0, "alpha": [1.0], "eta": 0.0}
+    agents = [
+        group(name, "normal", [[x, 0.0]], period=period, **more, dynamics=of_all)
+        for name, x, period, more in (
+            ("a", 0.0, 0.01, {}), ("b", 100.0, 0.05, {}), ("c", 200.0, 0.05, pushed),
+        )
+    ]  # fmt: skip
     sphere = {"center": [0.0, 50.0], "clearance": 3.0}
-    scenario = {"name": "line", "duration": 1.0, "safety": safety, "obstacles": [sphere]}
-    return build_swarm(load({**scenario, "agents": agents}))
+    return build_swarm(load(swarm_table(*agents, safety={"eta": 0.0}, obstacles=[sphere])))
 
 
 PUSHED = 0.5

@@ -18,28 +18,18 @@ from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
+from tests.unit.tables import SPLIT, group, swarm_table
 
-ROBOT = {
-    "role": "normal",
-    "dynamics": {"type": "single-integrator", "speed": 2.0},
-    "law": {"type": "track-velocity", "gain": 1.0},
-    "clock": {"period": 0.25, "jitter": 0.05},
-}
-TABLE = {
-    "name": "by-hand",
-    "duration": 25.0,
-    "safety": {
-        "function": {"type": "distance", "radius": 0.5}, "rho": 20.0, "alpha": [1.0],
-        "composition": "pairs", "margin": "integrated", "information": "split",
-    },
-    "obstacles": [{"center": [0.0, 40.0], "clearance": 1.0}],
-    "agents": [
-        {**ROBOT, "names": ["a", "b"], "start": [[0.0, 0.0], [0.0, 2.0]],
-         "goal": [[9.0, 0.0], [9.0, 9.0]]},
-        {**ROBOT, "names": ["z"], "role": "adversary", "start": [[90.0, 0.0]],
-         "goal": [[90.0, 9.0]]},
-    ],
-}  # fmt: skip
+OF_ALL = {"law": {"type": "track-velocity", "gain": 1.0}, "clock": {"period": 0.25, "jitter": 0.05}}
+TABLE = swarm_table(
+    group("a b", "normal", [[0.0, 0.0], [0.0, 2.0]], goal=[[9.0, 0.0], [9.0, 9.0]], **OF_ALL),
+    group("z", "adversary", [[90.0, 0.0]], goal=[[90.0, 9.0]], **OF_ALL),
+    function="distance",
+    radius=0.5,
+    safety=SPLIT | {"rho": 20.0},
+    duration=25.0,
+    obstacles=[{"center": [0.0, 40.0], "clearance": 1.0}],
+)
 
 
 @pytest.fixture(scope="module")

@@ -13,38 +13,18 @@ from phalanx.recording.read import Recording, swarm_of
 from phalanx.recording.records import State, Step
 from phalanx.scenario.load import load
 from phalanx.theory.rows.origin import Origin
+from tests.unit.tables import SPLIT, group, swarm_table
 
-TABLE = {
-    "name": "by-hand",
-    "duration": 10.0,
-    "safety": {
-        "function": {"type": "distance", "radius": 0.5},
-        "rho": 5.0,
-        "alpha": [1.0],
-        "margin": "integrated",
-        "composition": "pairs",
-        "information": "split",
-    },
-    "obstacles": [{"center": [0.0, 5.0], "clearance": 2.0}],
-    "agents": [
-        {
-            "names": ["a", "b"],
-            "role": "normal",
-            "dynamics": {"type": "single-integrator", "speed": 2.0, "dimension": 2},
-            "law": {"type": "track-velocity"},
-            "clock": {"period": 0.1},
-            "start": [[0.0, 0.0], [0.0, -3.0]],
-        },
-        {
-            "names": ["c"],
-            "role": "adversary",
-            "dynamics": {"type": "single-integrator", "speed": 1.0, "dimension": 2},
-            "law": {"type": "pursue"},
-            "clock": {"period": 0.1},
-            "start": [[0.0, -4.0]],
-        },
-    ],
-}
+TABLE = swarm_table(
+    group("a b", "normal", [[0.0, 0.0], [0.0, -3.0]], period=0.1),
+    group("c", "adversary", [[0.0, -4.0]], "pursue", speed=1.0, period=0.1),
+    function="distance",
+    radius=0.5,
+    safety=SPLIT,
+    name="by-hand",
+    duration=10.0,
+    obstacles=[{"center": [0.0, 5.0], "clearance": 2.0}],
+)
 ALONG_X = {"type": "path", "points": [[0.0, 0.0], [10.0, 0.0]], "speed": 1.0}
 REST = [0.0, -3.0]
 

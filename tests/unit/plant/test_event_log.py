@@ -10,9 +10,9 @@ from phalanx_certify.checker.intervals import UncertifiableError
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
-from tests.unit.plant.points import POINTS, group
+from tests.unit.tables import group, swarm_table
 
-LINE = {**POINTS, "obstacles": [{"center": [0.0, 5.0], "clearance": 3.0}]}
+LINE = {"obstacles": [{"center": [0.0, 5.0], "clearance": 3.0}], "safety": {"eta": 0.0}}
 
 
 @pytest.mark.slow
@@ -21,7 +21,7 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
     # An agent that cannot move is caught.
     hunted = group("hunted", "normal", [[0.0, 2.5]], "track-velocity", speed=1e-3)
     hunter = group("hunter", "adversary", [[2.5, 2.5]], "pursue")
-    scenario = phalanx.load({**LINE, "agents": [hunted, hunter]})
+    scenario = phalanx.load(swarm_table(hunted, hunter, **LINE))
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
     exits = run.events.filter(run.events["text"].str.contains("left the safe set"))
     assert exits["text"].to_list() == [
@@ -37,7 +37,7 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
 def test_the_log_says_when_a_pair_is_safe_again():
     """An agent that starts within an obstacle's clearance gets out of it."""
     intruder = group("intruder", "normal", [[0.0, 2.1]], "track-velocity")
-    pushed = {**LINE, "safety": {**LINE["safety"], "eta": 4.0}, "agents": [intruder]}
+    pushed = swarm_table(intruder, **LINE | {"safety": {"eta": 4.0}})
     run = phalanx.run(phalanx.load(pushed), engine="in-process")
     (violation,) = run.summary.violations
     lines = run.events.filter(run.events["text"].str.contains("safe"))

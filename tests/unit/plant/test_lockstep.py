@@ -33,10 +33,10 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
-from tests.unit.plant.points import POINTS, group
 from tests.unit.plant.reports import report
 from tests.unit.plant.runs import plant_run
 from tests.unit.swarms import rows_of_scenario
+from tests.unit.tables import group, swarm_table
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def test_the_input_before_a_breakdown_is_judged_and_recorded(tmp_path: Path) -> 
     runaway = group("1", "normal", [[0.5, 0.0]], "track-velocity")
     runaway["dynamics"]["type"] = f"{__name__}:Runaway"
     obstacle = {"center": [0.0, 0.0], "clearance": 0.1}
-    scenario = load({**POINTS, "obstacles": [obstacle], "agents": [runaway]})
+    scenario = load(swarm_table(runaway, safety={"eta": 0.0}, obstacles=[obstacle]))
     coasting = Coasting()
     summary, recording = plant_run(build_rows(build_swarm(scenario)), coasting, tmp_path)
     assert summary.outcome is Outcome.BROKEN

@@ -9,8 +9,8 @@ from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.safety.obstacles import Sphere, Wall
-from tests.unit.plant.points import POINTS, group
 from tests.unit.swarms import rows_of_scenario
+from tests.unit.tables import group, swarm_table
 
 LARGE = ("agents.0.count=28", "agents.1.count=4")
 
@@ -72,7 +72,7 @@ def two_pairs_and_one_near_a_sphere() -> SafetyRows:
     starts = line(7.07, 9.0, 9.0).reshape(5, 2).tolist()
     sphere = {"center": [2.0 * FAR_APART, 0.0], "clearance": 1.0}
     five = group("a b c d e", "normal", starts, "track-velocity", speed=1.0)
-    return build_rows(build_swarm(load({**POINTS, "obstacles": [sphere], "agents": [five]})))
+    return build_rows(build_swarm(load(swarm_table(five, safety={"eta": 0.0}, obstacles=[sphere]))))
 
 
 def line(ab: float, cd: float, of_sphere: float) -> np.ndarray:

@@ -17,40 +17,33 @@ from phalanx.swarm.keep import Keeper
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import checked, swarm_of_scenario
+from tests.unit.tables import group, swarm_table
 
-TABLE = {
-    "name": "meeting",
-    "duration": 3.0,
-    "safety": {
-        "function": {"type": "distance", "radius": 1.0},
-        "rho": 5.0,
-        "alpha": [3.0],
-        "margin": "integrated",
-        "keep": "hold",
-    },
-    "obstacles": [{"center": [0.0, -2.5], "clearance": 0.5}],
-    "agents": [
-        {
-            "names": ["a", "b"],
-            "role": "normal",
-            "dynamics": {"type": "single-integrator", "speed": 1.0},
-            "law": {"type": "track-velocity", "gain": 5.0},
-            "controller": {"type": "none"},
-            "clock": {"period": 0.05, "jitter": 0.02},
-            "disturbance": {"bound": 0.05, "kind": "adverse"},
-            "start": [[-1.5, 0.0], [1.5, 0.1]],
-            "goal": [[1.5, 0.0], [-1.5, 0.1]],
-        },
-        {
-            "names": ["rogue"],
-            "role": "adversary",
-            "dynamics": {"type": "unicycle", "speed": 2.0, "turn_rate": 4.0},
-            "law": {"type": "pursue", "gain": 5.0},
-            "clock": {"period": 0.05},
-            "start": [[0.0, 3.5, -1.5]],
-        },
-    ],
-}
+TABLE = swarm_table(
+    group(
+        "a b",
+        "normal",
+        [[-1.5, 0.0], [1.5, 0.1]],
+        speed=1.0,
+        law={"type": "track-velocity", "gain": 5.0},
+        controller={"type": "none"},
+        clock={"period": 0.05, "jitter": 0.02},
+        disturbance={"bound": 0.05, "kind": "adverse"},
+        goal=[[1.5, 0.0], [-1.5, 0.1]],
+    ),
+    group(
+        "rogue",
+        "adversary",
+        [[0.0, 3.5, -1.5]],
+        period=0.05,
+        dynamics={"type": "unicycle", "speed": 2.0, "turn_rate": 4.0},
+        law={"type": "pursue", "gain": 5.0},
+    ),
+    function="distance",
+    safety={"alpha": [3.0], "margin": "integrated", "keep": "hold"},
+    duration=3.0,
+    obstacles=[{"center": [0.0, -2.5], "clearance": 0.5}],
+)
 """Two that want to pass one another, with no filter, and one that hunts them."""
 
 

@@ -14,6 +14,7 @@ from phalanx.scenario.load import load, validate
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
+from tests.unit.tables import group, swarm_table
 
 HOSTILE = "<script>alert('&')</script>"
 """A text that every field of a recording might hold."""
@@ -108,22 +109,17 @@ def unicycles(*overrides: str) -> Scenario:
 
 def swarm_in_space(normal: int, adversaries: int, extra: Mapping[str, object]) -> Scenario:
     """Single integrators, three-dimensional, on a line."""
-    rows = (
-        ("normal", "track-velocity", normal, 0.0), ("adversary", "pursue", adversaries, 9.0)
-    )  # fmt: skip
+    rows = ("normal", "track-velocity", normal, 0.0), ("adversary", "pursue", adversaries, 9.0)
     groups = [
-        {
-            "names": [f"{role[0]}{i}" for i in range(count)],
-            "role": role,
-            "dynamics": {"type": "single-integrator", "speed": 1.0, "dimension": 3},
-            "law": {"type": law, "gain": 1.0},
-            "clock": {"period": 0.01},
-            "start": [[3.0 * i, y, 0.5 * i] for i in range(count)],
-        }
+        group(
+            " ".join(f"{role[0]}{i}" for i in range(count)),
+            role,
+            [[3.0 * i, y, 0.5 * i] for i in range(count)],
+            law={"type": law, "gain": 1.0},
+            dynamics={"type": "single-integrator", "speed": 1.0, "dimension": 3},
+        )
         for role, law, count, y in rows
         if count
     ]
-    function = {"type": "separation", "radius": 1.0}
-    safety = {"function": function, "rho": 5.0, "alpha": [2.0], "eta": 1.0}
-    swarm = {"name": "space", "duration": 0.6, "safety": safety, "agents": groups}
-    return validate(swarm | dict(extra), "test")
+    table = swarm_table(*groups, safety={"alpha": [2.0], "eta": 1.0}, name="space", duration=0.6)
+    return validate(table | dict(extra), "test")

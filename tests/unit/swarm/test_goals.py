@@ -17,6 +17,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.laws.goals import Goal, hold
 from phalanx.theory.models.dynamics import Dynamics
 from tests.layers import layered
+from tests.unit.tables import SPLIT, group, swarm_table
 
 TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
     "unicycle": ({"speed": 2.0, "turn_rate": 2.0}, [], 1),
@@ -56,31 +57,18 @@ def scenario_of(name: str, start: list[list[float]], goal: list[Any]) -> dict[st
     fields, gains, q = TRACKED[name]
     axes = axes_of(name)
     law = {"type": "track", "gains": gains} if gains else {"type": "track-velocity"}
-    return {
-        "name": "goals",
-        "duration": 12.0,
-        "safety": {
-            "function": {"type": "distance", "radius": 0.5},
-            "rho": 5.0,
-            "alpha": [3.0] * q,
-            "composition": "pairs",
-            "margin": "integrated",
-            "information": "split",
-        },
-        "obstacles": [{"center": [100.0] * axes, "clearance": 1.0}],
-        "agents": [
-            {
-                "names": [f"a{place}" for place in range(len(start))],
-                "role": "normal",
-                "dynamics": {"type": name, **fields},
-                "law": law,
-                # What swings at 18 rad/s is not held for 50 ms.
-                "clock": {"period": 0.01 if q == 4 else 0.05},
-                "start": start,
-                "goal": goal,
-            }
-        ],
-    }
+    # What swings at 18 rad/s is not held for 50 ms.
+    period = 0.01 if q == 4 else 0.05
+    names = " ".join(f"a{place}" for place in range(len(start)))
+    dynamics = {"type": name, **fields}
+    return swarm_table(
+        group(names, "normal", start, law=law, period=period, dynamics=dynamics, goal=goal),
+        function="distance",
+        radius=0.5,
+        safety=SPLIT | {"alpha": [3.0] * q},
+        duration=12.0,
+        obstacles=[{"center": [100.0] * axes, "clearance": 1.0}],
+    )
 
 
 def last_positions(table: dict[str, Any]) -> np.ndarray:

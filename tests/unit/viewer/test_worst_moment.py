@@ -13,20 +13,15 @@ import phalanx
 from phalanx.cli.display import last_line
 from phalanx.report import safety
 from phalanx.report.write import key_figures
+from tests.unit.tables import group, swarm_table
 
 SPEED, AWAY = 2.0, 1.1
 END = 1.2
 
 
 def agent(name: str, role: str, start: list[float], **law: object) -> dict:
-    return {
-        "names": [name],
-        "role": role,
-        "dynamics": {"type": "single-integrator", "speed": SPEED if role == "adversary" else 1e-3},
-        "law": law,
-        "clock": {"period": 0.01},
-        "start": [start],
-    }
+    speed = SPEED if role == "adversary" else 1e-3
+    return group(name, role, [start], law=law, speed=speed)
 
 
 def script(*inputs: tuple[float, list[float]]) -> dict[str, object]:
@@ -42,18 +37,12 @@ def scenario(**changes: object) -> dict:
     ]
     passing = (0.0, -2.0), (0.5, 2.0), (0.65, -2.0), (0.9, 2.0)
     hunting = script(*((t, [v, 0.0]) for t, v in passing))
-    function = {"type": "separation", "radius": 1.0}
-    return {
-        "name": "passed",
-        "duration": END,
-        "safety": {"function": function, "rho": 0.5, "alpha": [1.0], "eta": 0.0},
-        "agents": [
-            agent("1", "normal", [0.0, 0.0], type="track-velocity"),
-            *leaving,
-            agent("hunter", "adversary", [1.8, 0.0], **hunting),
-        ],
-        **changes,
-    }
+    agents = [
+        agent("1", "normal", [0.0, 0.0], type="track-velocity"),
+        *leaving,
+        agent("hunter", "adversary", [1.8, 0.0], **hunting),
+    ]
+    return swarm_table(*agents, safety={"rho": 0.5, "eta": 0.0}, duration=END) | changes
 
 
 @pytest.fixture(scope="module")
