@@ -1,6 +1,8 @@
 """Every example does what its first line says, when it is run from another folder."""
 
 import json
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 import phalanx
+from phalanx.wire.session import free_endpoint
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MOST_LINES = 60
@@ -129,3 +132,60 @@ def test_a_controller_by_a_library_runs(name: str, library: str) -> None:
     run = phalanx.run(phalanx.load("unicycles", overrides), engine="in-process")
     assert run.verdict == "guaranteed"
     assert run.metrics["input_deviation_mean"][0] > 0.0
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_run.py"
+RUN = ["--scenario", "stale-inputs", "--run", "r1", "--set", "duration=0.5"]
+
+
+def start(*command: object) -> subprocess.Popen[str]:
+    """A Python program whose output can be read."""
+    words = [sys.executable, *map(str, command)]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.nightly
+@pytest.mark.swarm
+def test_it_prints_the_runs_frames(tmp_path, monkeypatch):
+    monkeypatch.setenv("PHALANX_SECRET", "s")
+    endpoint = free_endpoint()
+    follower = start(EXAMPLE, endpoint, "r1")
+    paced = ("--listen", endpoint, "--folder", tmp_path, "--speed", 0.5)
+    plant = start("-m", "phalanx", "plant", *RUN, *paced)
+    assert follower.stdout.readline() == "following run r1\n"
+    names = ["1", "2"]
+    agents = [start("-m", "phalanx", "agent", n, *RUN, "--connect", endpoint) for n in names]
+    printed, _ = follower.communicate(timeout=60)
+    assert [plant.wait(30), *[agent.wait(30) for agent in agents]] == [0, 0, 0]
+    *frames, last = printed.splitlines()
+    assert last == "the run is over"
+    line = re.compile(r"t ([\d.]+) s  h_tot -?[\d.]+  largest h -?[\d.]+")
+    times = [float(line.fullmatch(frame)[1]) for frame in frames]
+    assert times == sorted(times)
+    assert len(times) > 5
+    assert times[-1] <= 0.5
+
+
+SBATCH = """#!/bin/sh
+setsid sh "$1" >>{log} 2>&1 &
+echo "Submitted batch job $$"
+"""
+SCANCEL = """#!/bin/sh
+"""
+
+
+@pytest.mark.nightly
+def test_the_example_for_slurm_runs_where_its_commands_are(tmp_path):
+    """The commands of Slurm alone are stand-ins: they start a job's script here."""
+    pytest.importorskip("dask_jobqueue")
+    for name, text in {"sbatch": SBATCH.format(log=tmp_path / "log"), "scancel": SCANCEL}.items():
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    example = Path(__file__).parents[3] / "examples" / "study_on_slurm.py"
+    process = subprocess.run(
+        [sys.executable, example, "4", "2"],
+        cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+    )  # fmt: skip
+    assert process.returncode == 0, process.stderr
+    assert len(phalanx.open_study(tmp_path / "studies" / "slurm").frame) == 12

@@ -1,8 +1,12 @@
-"""Commands of pages and messages that install Phalanx work: no package index has it."""
+"""What is installed: the tested versions, pinned by hashes; and from where, without any index."""
 
 import re
 import tomllib
 from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from phalanx.schema.extensions import HERE
 
@@ -53,3 +57,51 @@ def test_every_extra_that_is_named_exists():
     extras = {extra for each in matches.values() for text in each for extra in text.split(",")}
     assert extras <= PROJECT["optional-dependencies"].keys()
     assert len(extras) > 2
+
+
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+BESIDE = sorted((ROOT / "packages").glob("*/pyproject.toml"))
+LOCKS = {"image": ("view",), "all": ("test", "docs")}
+
+
+def locked(name: str) -> dict[str, tuple[str, int]]:
+    """The version and the number of hashes of each project in a lock."""
+    text = (ROOT / "locks" / f"{name}.txt").read_text()
+    assert not re.search(r"://|index|\s-[^-]|--(?!hash=sha256:[0-9a-f]{64}\b)", text)
+    entries = text.replace("\\\n", " ").splitlines()
+    pins = [re.fullmatch(r"(\S+)==(\S+)( ; .*?)?((\s+--hash=\S+)+)\s*", line) for line in entries]
+    assert all(pins), [line for line, match in zip(entries, pins, strict=True) if not match]
+    return {match[1]: (match[2], len(match[4].split())) for match in pins if match}
+
+
+def pinned() -> dict[str, str]:
+    """The versions of constraints.txt."""
+    lines = (ROOT / "constraints.txt").read_text().splitlines()[1:]
+    return {
+        canonicalize_name(name): version for name, _, version in (x.partition("==") for x in lines)
+    }
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_a_lock_has_the_tested_versions_of_all_that_is_needed(name: str) -> None:
+    versions = {project: version for project, (version, _) in locked(name).items()}
+    assert versions.items() <= pinned().items(), "else: make locks"
+    extras = PYPROJECT["project"]["optional-dependencies"]
+    requirements = [*PYPROJECT["project"]["dependencies"], *PYPROJECT["build-system"]["requires"]]
+    if name == "all":
+        beside = [tomllib.loads(file.read_text())["project"]["dependencies"] for file in BESIDE]
+        assert all(beside)
+        requirements += [text for texts in beside for text in texts]
+    for text in (*requirements, *(each for extra in LOCKS[name] for each in extras[extra])):
+        needed = Requirement(text)
+        if needed.name != PYPROJECT["project"]["name"]:
+            assert needed.specifier.contains(versions[canonicalize_name(needed.name)]), text
+
+
+@pytest.mark.parametrize("file", ["Dockerfile", "Makefile"])
+def test_nothing_is_installed_without_its_hash(file: str) -> None:
+    """But Phalanx itself, which brings nothing along."""
+    installs = re.findall(r"pip install (.*)", (ROOT / file).read_text())
+    first, phalanx_install = installs
+    assert "--require-hashes" in first
+    assert {"--no-deps", "--no-build-isolation"} <= set(phalanx_install.split())

@@ -1,4 +1,4 @@
-"""An agent of the run can change nothing but its own answers."""
+"""An agent of the run can change nothing but its own answers, and a stranger nothing at all."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from tests.hostile.attacker import INSIDERS, is_at_full_speed
+from tests.hostile.attacker import INSIDERS, READ, STRANGERS, is_at_full_speed
 from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.hostile.attacks import assailed
 from tests.process.runs import HELD, PACED
@@ -49,3 +49,22 @@ def test_one_who_withholds_a_broadcast_is_named_with_who_waits_for_it(tmp_path) 
     assert summary.outcome is Outcome.BROKEN
     assert reason in summary.reason
     assert reason in (tmp_path / "logs" / "1.log").read_text()
+
+
+NEEDS_NO_SESSION = "stranger: holds 200 connections half-open"
+"""It is let in, which is no harm by itself: it only opens connections, and says nothing."""
+
+
+def test_strangers_are_refused_and_change_nothing(calm: Summary, tmp_path) -> None:
+    """All at once: each is refused by itself, and says so."""
+    summary, attackers = assailed(STRANGERS.keys() - {NEEDS_NO_SESSION}, tmp_path / "assailed")
+    assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
+    for name, attacker in attackers.items():
+        assert READ not in attacker.lines, name
+        assert not attacker.let_in, name
+
+
+def test_connections_held_half_open_change_nothing(calm: Summary, tmp_path) -> None:
+    summary, attackers = assailed([NEEDS_NO_SESSION], tmp_path / "assailed")
+    assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
+    assert attackers[NEEDS_NO_SESSION].let_in

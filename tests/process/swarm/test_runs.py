@@ -1,9 +1,10 @@
-"""A run from its file to its verdict: processes, determinism, network."""
+"""A run from its file to its verdict: processes, determinism, network, and other CPUs."""
 
 import contextlib
 import multiprocessing
 from collections.abc import Iterator
 
+import numpy as np
 import psutil
 import pytest
 
@@ -102,3 +103,27 @@ def busy_cores() -> Iterator[None]:
 def spin() -> None:
     while True:
         pass
+
+
+FEATURES = np._core._multiarray_umath.__cpu_features__
+DISPATCHED = np._core._multiarray_umath.__cpu_dispatch__
+OTHER_CPUS = {
+    "OPENBLAS_CORETYPE": "Prescott",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(f for f in DISPATCHED if FEATURES.get(f)),
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4",
+}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "scenario",
+    [("unicycles", "duration=1"), ("formation3d", "duration=2"), ("guaranteed", "duration=1")],
+)
+@pytest.mark.nightly
+def test_a_run_has_the_same_bits_on_another_cpu(phalanx, monkeypatch, scenario):
+    name, duration = scenario
+    command = ("run", name, "--set", duration, "--engine", "in-process")
+    here = trajectory(phalanx(*command))
+    for setting, value in OTHER_CPUS.items():
+        monkeypatch.setenv(setting, value)
+    assert trajectory(phalanx(*command)) == here

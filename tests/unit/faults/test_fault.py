@@ -1,10 +1,13 @@
-"""Occurrences of faults: at a given time, or at random times of a given rate."""
+"""Occurrences of faults, at given or random times, and links that a partition's shape cuts."""
+
+import itertools
 
 import numpy as np
 import pytest
 
 from phalanx.faults.fault import Occurrence, random_times
-from phalanx.network.draws import Tables
+from phalanx.faults.links import links_between, links_cut
+from phalanx.network.draws import Draws, Tables
 from phalanx.scenario.load import load
 
 NAMES = ("1", "2", "3")
@@ -56,3 +59,50 @@ def test_one_faults_occurrences_do_not_depend_on_anothers():
     _, *of_another_seed = occurrences(seed=1, kind="pause", rate=2.0, **{"for": 0.5})
     assert random != of_another_seed
     assert {occurrence.fault_index for occurrence in random} == {1}
+
+
+AGENTS = [str(n) for n in range(1, 8)]
+LINKS = set(itertools.permutations(AGENTS, 2))
+
+
+def draws(seed: int = 0) -> Draws:
+    return Draws(seed, "partition", "0")
+
+
+def heard_by(cut, receiver: str) -> set[str]:
+    return {receiver, *(s for s, r in LINKS - cut if r == receiver)}
+
+
+def test_groups_receive_from_themselves_alone():
+    cut = links_between([AGENTS[:3], AGENTS[3:5], AGENTS[5:]])
+    for group in (AGENTS[:3], AGENTS[3:5], AGENTS[5:]):
+        assert all(heard_by(cut, name) == set(group) for name in group)
+
+
+def test_a_majority_is_parted_from_the_rest():
+    cut = links_cut("majority", AGENTS, draws())
+    groups = {frozenset(heard_by(cut, name)) for name in AGENTS}
+    assert sorted(map(len, groups)) == [3, 4]
+
+
+def test_one_is_isolated():
+    cut = links_cut("isolate", AGENTS, draws())
+    assert sorted(len(heard_by(cut, name)) for name in AGENTS) == [1] + [6] * 6
+
+
+@pytest.mark.parametrize("count", [3, 5, 6, 7])
+def test_in_a_ring_each_agent_receives_from_a_majority_and_no_two_from_the_same(count):
+    names = AGENTS[:count]
+    cut = links_cut("ring", names, draws())
+    heard = [
+        frozenset({r, *(s for s, other in itertools.permutations(names, 2) if other == r
+                        and (s, r) not in cut)})
+        for r in names
+    ]  # fmt: skip
+    assert {len(h) for h in heard} == {count // 2 + 1}
+    assert len(set(heard)) == count
+
+
+def test_the_agents_apart_are_drawn_by_the_seed():
+    assert len({links_cut("isolate", AGENTS, draws(seed)) for seed in range(20)}) > 3
+    assert links_cut("ring", AGENTS, draws(4)) == links_cut("ring", AGENTS, draws(4))

@@ -1,4 +1,4 @@
-"""Runs of the plant with agents of a test's own."""
+"""Runs of the plant with agents of a test's own, and their reports on control steps."""
 
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,12 @@ from phalanx_plant.run import ClockFactory, PlantRun
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
+from phalanx.messages.kinds import Telemetry
+from phalanx.messages.step_report import StepReport
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.rows.origin import Origin
 
 
 def plant_run(
@@ -29,3 +32,11 @@ def plant_run(
         summary = PlantRun(rows, agents, recording, commands, clock, audience).run()
         recording.finish(summary)
     return summary, read(file)
+
+
+STEP = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+
+
+def report(k: int, step: StepReport = STEP, **fields) -> Telemetry:
+    """Return a report on a control step, by default one that a QP made."""
+    return Telemetry(k=k, report=step, **{"ages": (), **fields})

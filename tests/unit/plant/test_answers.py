@@ -11,7 +11,7 @@ from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.swarm.attack import Attack
 from phalanx.theory.rows.origin import Origin
-from tests.unit.plant.reports import STEP, report
+from tests.unit.plant.runs import STEP, report
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
 KEYS, SEALER = Keys("run"), Sealer(b"secret")

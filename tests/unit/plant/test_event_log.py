@@ -1,4 +1,4 @@
-"""The event log of a run, and its recorded states and certificates."""
+"""The log of events, and the trajectory's hash, which knows every last bit of states and inputs."""
 
 from pathlib import Path
 
@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from phalanx_certify.checker.certify import certify
 from phalanx_certify.checker.intervals import UncertifiableError
+from phalanx_plant.judge.judge import Judged
+from phalanx_plant.observers.recorder import TrajectoryHash
+from phalanx_plant.world.events import InputApplied, StateReached
 
 import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
@@ -105,7 +108,25 @@ def test_an_agent_from_far_away_counts_in_certificates_when_it_is_near():
     """The pairs that may meet are not looked up at each input."""
     hunted = group("hunted", "normal", [[0.0, 0.0]], "track-velocity", speed=1e-3)
     hunter = group("hunter", "adversary", [[2.5, 0.0]], "pursue")
-    run = phalanx.run(phalanx.load({**LINE, "agents": [hunted, hunter]}), engine="in-process")
+    run = phalanx.run(phalanx.load(swarm_table(hunted, hunter, **LINE)), engine="in-process")
     times = certified(run)
     assert min(times) == 0.0
     assert len(times) > 3
+
+
+def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
+    trajectory = TrajectoryHash()
+    state = np.full(15, x)
+    applied = InputApplied(i, k, t, t, np.array([u, 0.0]))
+    trajectory.add([Judged(StateReached(t, state, [])), Judged(applied)])
+    return trajectory.hexadecimal
+
+
+def test_the_hash_changes_with_the_last_bit_of_any_state_or_input_with_agent_step_and_time():
+    up = np.nextafter
+    changed = [hashed(x=up(1.0, 2)), hashed(u=up(0.5, 1)), hashed(t=up(0.1, 1)), hashed(i=1)]
+    assert len({hashed(), hashed(k=4), *changed}) == 6
+
+
+def test_the_same_events_have_the_same_hash():
+    assert hashed() == hashed()

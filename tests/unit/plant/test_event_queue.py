@@ -20,7 +20,7 @@ from phalanx.recording.read import read
 from phalanx.recording.records import State, Step
 from phalanx.recording.write import RecordingError
 from tests.layers import layered
-from tests.unit.plant.reports import report
+from tests.unit.plant.runs import report
 
 pytestmark = pytest.mark.slow
 

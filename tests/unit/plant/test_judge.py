@@ -25,7 +25,7 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
-from tests.unit.plant.reports import STEP, report
+from tests.unit.plant.runs import STEP, report
 from tests.unit.swarms import rows_of_scenario
 
 

@@ -33,8 +33,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
-from tests.unit.plant.reports import report
-from tests.unit.plant.runs import plant_run
+from tests.unit.plant.runs import plant_run, report
 from tests.unit.swarms import rows_of_scenario
 from tests.unit.tables import group, swarm_table
 

@@ -14,8 +14,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.messages.kinds import Sample, Status, Telemetry
 from phalanx.recording.read import Recording
 from phalanx.theory.arrays import Array
-from tests.unit.plant.reports import report
-from tests.unit.plant.runs import plant_run
+from tests.unit.plant.runs import plant_run, report
 from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004

@@ -1,9 +1,19 @@
-"""Pairs that are left out: none that is relevant, wherever agents go."""
+"""Functions along the world's history; of pairs left out none is relevant, wherever agents go."""
+
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
 from phalanx_plant.world import evaluation
-from phalanx_plant.world.evaluation import LargestPsi, LogSumExp, PairValues, RelevantPairs
+from phalanx_plant.world.evaluation import (
+    EvaluatedSteps,
+    Evaluation,
+    LargestPsi,
+    LogSumExp,
+    PairValues,
+    RelevantPairs,
+)
+from phalanx_plant.world.world import World
 
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -171,3 +181,32 @@ def test_pairs_that_do_not_count_hide_none_that_does(monkeypatch):
     values = at(looking, swarm, states)
     assert {"a-b", "c-d"} <= {labels[k] for k in values.pairs}
     assert values.least[0] <= 1.0 - 11.0**2
+
+
+def figures(steps: Iterable[EvaluatedSteps], number: int = 0) -> np.ndarray:
+    """Time, h_tot and the largest ψ of every step of a history, whatever was left out of h."""
+    columns = [
+        np.stack([s.times, s.h_tot, *([s.psi] if len(s.psi) else [])])[:, s.numbers == number]
+        for s in steps
+    ]
+    return np.concatenate(columns, axis=1)
+
+
+@pytest.mark.parametrize("name", ["unicycles", "formation3d", "swarm"])
+def test_several_histories_at_once_give_the_values_of_each_alone(name):
+    rows = rows_of_scenario(name, *(LARGE if name == "swarm" else ()))
+    world, histories = World(rows), []
+    for stop in (0.003, 0.01, 0.07, 0.0701, 0.62):
+        world.advance(stop)
+        histories.append(world.take_history())
+    together, alone = list(Evaluation(rows).of(histories)), Evaluation(rows)
+    for number, history in enumerate(histories):
+        values, expected = figures(together, number), figures(alone.of([history]))
+        assert values.shape == expected.shape
+        assert (values == expected).all()
+
+
+def test_no_history_has_no_values():
+    rows = rows_of_scenario("unicycles")
+    assert list(Evaluation(rows).of([])) == []
+    assert list(Evaluation(rows).of([[], []])) == []

@@ -130,6 +130,6 @@ def test_a_users_mistaken_reference_is_one_line_before_the_run(kind):
     circle = {"type": "tests.unit.swarm.test_goals:Circle", "kind": kind}
     swarm = build_swarm(load(scenario_of("single-integrator", [[1.0, 0.0]], [circle])))
     with pytest.raises(
-        ScenarioError, match=r"goals: Circle\.goal: expected a Goal .* for agent a0"
+        ScenarioError, match=r"points: Circle\.goal: expected a Goal .* for agent a0"
     ):
         require_runnable(swarm)

@@ -1,4 +1,4 @@
-"""Shipped scenarios by kinds of pairs, against the chain of the whole swarm."""
+"""Shipped scenarios by kinds of pairs, against the chain of the whole swarm; units of h and ψ."""
 
 import casadi as ca
 import numpy as np
@@ -6,9 +6,10 @@ import pytest
 from phalanx_plant.world.evaluation import LargestPsi, LogSumExp
 
 from phalanx.recording.curves.values import SafetyValues
-from phalanx.scenario.load import shipped
+from phalanx.scenario.load import load, shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
+from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.margins.margin import RowPart
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
@@ -132,3 +133,21 @@ def test_agents_of_one_group_share_what_is_compiled():
     # Normal on either side, whole and half; adversary; sphere.
     assert sum(key[0] == "row" for key in rows.swarm.functions.results) == 6
     assert len(rows.swarm.pairs.every) == len(rows.swarm.safe_set.pairs)
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("formation3d", ("m²", "m²/s", "m²/s²", "m²/s³")),
+        ("formation3d-distance", ("m", "m/s", "m/s²", "m/s³")),
+        ("fence", ("m", "m/s", "m/s²", "m/s³")),
+    ],
+)
+def test_psi_is_h_for_each_second_as_often_as_it_was_differentiated(name, units):
+    assert tuple(unit_of_psi(load(name), k) for k in range(4)) == units
+
+
+def test_a_limit_in_another_unit_leaves_none_that_all_have():
+    disc = "limits=[{ type = 'fence', center = [0.0, 0.0], radius = 90.0 }]"
+    assert unit_of_psi(load("unicycles"), 1) == "m²/s"
+    assert unit_of_psi(load("unicycles", [disc]), 1) == ""

@@ -1,11 +1,14 @@
-"""Windows are checked only when every broadcast that covers them has come."""
+"""Agents that were taken over: how they attack, and windows in which others watch them."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from phalanx.network.inbox import AnnouncedInput
+from phalanx.swarm.attack import Attack
 from phalanx.swarm.watch import covering
+from tests.unit.swarms import rows_of_scenario
 
 SENT = {k: AnnouncedInput(0.01 * k, (float(k),)) for k in range(10)}
 
@@ -48,3 +51,14 @@ def test_announcements_that_go_back_in_time_are_not_checked():
         2: AnnouncedInput(0.01, (0.0,)),
     }
     assert covering({**back, 3: AnnouncedInput(0.05, (0.0,))}, 0.0, 0.04) is None
+
+
+@pytest.mark.parametrize("victim", [1, 2])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_hijacked_agent_goes_for_the_one_it_sees_as_fast_as_it_can(victim, side):
+    x = np.full(8, np.nan)
+    x[:2], x[2 * victim : 2 * victim + 2] = 0.0, (2.0 * side, -1.0 * side)
+    rows = rows_of_scenario("faults/hijack")
+    decision, wish = Attack(rows, 0)(x, (0, victim), 0.5)
+    assert decision.origin == "attack"
+    assert decision.u.tolist() == wish.tolist() == [4.0 * side, -4.0 * side]

@@ -14,7 +14,13 @@ from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import STEEPEST, IntegratedMargin
 from phalanx.theory.margins.local import UNKNOWN, LocalMargin
-from phalanx.theory.margins.margin import AgentMargin, PairRow, PaperMargin, RowPart
+from phalanx.theory.margins.margin import (
+    AgentMargin,
+    MarginConstants,
+    PairRow,
+    PaperMargin,
+    RowPart,
+)
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.wheeled import Unicycle
@@ -295,3 +301,11 @@ def test_half_of_a_row_has_half_of_the_chains_disturbance():
     both = ca.vertcat(*[margin.of(chain, 0, part) - 3.0 * part.value for part in RowPart])
     values = CompiledFunction([chain.set.x], [both])(np.arange(chain.set.x.numel()))[0]
     assert values.tolist() == pytest.approx([whole, half]), "and so of a margin that is given"
+
+
+def test_eta_is_the_papers_formula_worked_by_hand():
+    """(1 + 2·3 + 4 + 5) · (10 · 0.012) + 6 · 8.65 = 16 · 0.12 + 51.9."""
+    constants = MarginConstants(
+        c_f=1.0, c_g=2.0, c_alpha=4.0, c_gamma=5.0, c_h=6.0, u_max=3.0, mu=10.0
+    )
+    assert constants.eta(0.012, 8.65) == pytest.approx(1.92 + 51.9)
