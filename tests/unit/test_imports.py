@@ -253,6 +253,7 @@ def test_pages_and_examples_show_no_import_but_of_public_names(folder):
     assert names
 
 
+@pytest.mark.slow
 def test_the_core_needs_few_libraries_and_those_of_studies():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     lab = project["optional-dependencies"]["lab"]
@@ -304,6 +305,7 @@ def options_read(source: str) -> Iterator[str]:
                 yield name
 
 
+@pytest.mark.slow
 def test_rooms_ask_what_follows_from_the_options_of_safety_and_do_not_read_them():
     others = ("bench", "evidence", "examples")
     sources = {str(f): f for top in others for f in (ROOT / top).rglob("*.py")}

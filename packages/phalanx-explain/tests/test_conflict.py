@@ -27,6 +27,7 @@ def random_rows(rng: np.random.Generator, axes: int, count: int) -> Rows:
     return Rows(a, rng.uniform(-1.5, 0.5, count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axes", "count"), [(1, 4), (2, 6), (3, 7)])
 def test_a_least_conflict_is_as_small_as_any_subset_that_no_input_keeps(axes, count, rng):
     conflicts = 0

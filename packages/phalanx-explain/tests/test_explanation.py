@@ -61,6 +61,7 @@ def waiting(swap: Recording) -> ControllerSteps:
     return repeated(swap, "a", 6.0)
 
 
+@pytest.mark.slow
 def test_four_that_swap_places_wait_and_the_rows_of_the_nearest_are_named(swap, waiting):
     agent, t, deadlocks = moments.stuck(swap)
     held_by = {deadlock.agent: deadlock.waits_for for deadlock in deadlocks}
@@ -187,12 +188,14 @@ def test_a_given_margin_is_called_by_its_name():
     assert all("margin: sampling period" not in cost.terms for cost in costs)
 
 
+@pytest.mark.slow
 def test_a_hijacked_agent_is_not_explained_by_the_input_that_it_claims():
     hijack = {"faults": [{"kind": "hijack", "agents": ["a"], "at": 0.5}]}
     with pytest.raises(EngineError, match="agent a: repeated, its controller decides otherwise"):
         repeated(recorded(SWAP, hijack, 2.0), "a", 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [0.9, 0.9000000000000001, 0.9 + 5e-3])
 def test_a_sample_is_explained_at_its_time_however_that_is_rounded(t):
     """The sums of periods are not the numbers that a user writes."""
@@ -202,6 +205,7 @@ def test_a_sample_is_explained_at_its_time_however_that_is_rounded(t):
     assert repeated(surrounded, "1", t).steps[-1].t == sample
 
 
+@pytest.mark.slow
 def test_what_no_row_made_has_no_explanation(swap):
     with pytest.raises(EngineError, match="expected one of a, b, c, d, got e"):
         repeated(swap, "e", 1.0)

@@ -130,6 +130,7 @@ def test_after_each_of_several_faults_there_is_time_to_recover():
         run.assert_recovers(after="partition", within=0.01)
 
 
+@pytest.mark.slow
 def test_one_who_also_convicts_the_honest_detects_no_liar():
     run = crossed(**RUNS["watched"])
     run.summary.trust.convictions[-1].after = None

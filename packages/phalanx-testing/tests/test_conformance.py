@@ -37,6 +37,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 def test_a_program_that_keeps_the_rules_passes(capsys: pytest.CaptureFixture[str]) -> None:
     slow = ["--set", "agents.0.clock.period=0.2"]  # that of the machine does not matter
     assert status(["test-agent", *slow, sys.executable, "-c", LOOP + GOOD]) == 0

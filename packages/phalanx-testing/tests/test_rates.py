@@ -47,6 +47,7 @@ def test_a_decision_takes_no_more_runs_than_it_needs():
     assert decided(itertools.repeat(True), beta_mixture(7, 7).low).runs == 7, "at the bound itself"
 
 
+@pytest.mark.slow
 def test_the_runs_that_would_decide_are_estimated():
     share, bound = 0.05, 0.06
     needed = runs_to_decide(share, bound)

@@ -148,6 +148,7 @@ def test_others_count_on_a_program_only_if_it_says_what_it_keeps() -> None:
         load("radio", {"agents.0.filter": True})
 
 
+@pytest.mark.slow
 def test_nothing_runs_without_trust_or_a_file() -> None:
     program = ["./elsewhere"]
     with pytest.raises(ScenarioError, match=r"names code of its own, ./elsewhere, which is not ru"):

@@ -76,6 +76,7 @@ def test_an_inbox_keeps_the_newest_statement_direct_or_relayed():
     assert {l: s.k for l, s in inbox.received.items()} == {1: 5, 2: 10}
 
 
+@pytest.mark.slow
 def test_a_burst_is_of_so_many_broadcasts_in_a_row_however_rare_these_are():
     bursts = model(loss={"mean": 0.4, "burst": 8.0})
     inbox = BroadcastInbox((1,), lambda j: Link(0, "1", "me", bursts), peers={1: 5})
@@ -207,6 +208,7 @@ FALSE_PLACE = {
 }
 
 
+@pytest.mark.slow
 def test_a_false_state_is_named_by_the_judge_and_the_same_when_judged_again(tmp_path):
     changes = {"duration": 1.2, "network.loss": 0, "agents.0.radio.relays": 0}
     honest, lied = (
@@ -238,6 +240,7 @@ class Looks:
         return np.zeros(2)
 
 
+@pytest.mark.slow
 def test_a_law_and_a_controller_see_the_age_of_a_peer_and_a_box_that_it_is_in():
     changes = {**TWO, "duration": 1.0, "network.loss": 0.0, "network.delay": 0.1}
     law = {"type": f"{__name__}:Looks"}
@@ -265,6 +268,7 @@ LIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lie", LIES)
 def test_a_peer_whose_states_contradict_each_other_is_convicted_and_none_that_only_announces_badly(
     lie,
@@ -304,6 +308,7 @@ HONEST = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", HONEST)
 def test_no_peer_that_states_what_is_true_is_convicted(case):
     changes = {**TWO, "duration": 2.0, "agents.0.radio.every": 3, **HONEST[case]}
@@ -319,6 +324,7 @@ TWO = {
 }
 
 
+@pytest.mark.slow
 def test_an_obstacle_in_the_way_is_never_reached_whatever_the_law_wants():
     obstacles = [
         {"center": [1.0, 0.3], "clearance": 1.0},
@@ -372,6 +378,7 @@ def test_agents_whose_inputs_are_velocities_stop_before_one_another_at_any_headi
     assert run.summary.origins["backup"] == 0
 
 
+@pytest.mark.slow
 def test_where_starts_are_not_known_an_agent_stands_until_it_has_heard_its_peers():
     blind = {**TWO, "duration": 1.0, "network.loss": 0.0, "network.delay": 0.3}
     speed = {}

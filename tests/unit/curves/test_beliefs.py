@@ -10,6 +10,8 @@ from phalanx.scenario.load import load
 from phalanx.swarm.statements import StatementLedger
 from phalanx.swarm.swarm import build_swarm
 
+pytestmark = pytest.mark.slow
+
 CRASH = {"kind": "restart", "at": 0.6, "for": 0.4, "agents": ["2"]}
 
 

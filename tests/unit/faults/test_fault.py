@@ -18,6 +18,7 @@ def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
     return load("unicycles", {"faults": faults}, seed=seed).links().occurrences
 
 
+@pytest.mark.slow
 def test_random_times_have_the_given_rate_and_hit_all_agents_equally():
     rate, duration = 5.0, 400.0
     occurrences = list(random_times(rate, NAMES, duration, Tables(1, "fault", "0", width=2)))

@@ -163,6 +163,7 @@ def intervals(recording, **changed):
     return [len(found.t) for found in disturbances_of(other, swarm_of(recording))]
 
 
+@pytest.mark.slow
 def test_an_agent_without_inputs_held_zero_all_along(recording):
     assert intervals(recording, steps=[]) == [1] * 5
 

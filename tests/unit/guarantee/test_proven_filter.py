@@ -222,6 +222,7 @@ def test_proofs_need_inputs_that_apply_at_the_sample_and_agents_that_decide(chan
         load("unicycles", {"safety.prove": True, **changes})
 
 
+@pytest.mark.slow
 def test_an_input_to_be_proven_keeps_off_its_rows_so_that_rounding_does_not_decide():
     """On its row an input leads to h = 0, where nothing is proven and h > 0 is a rounding away."""
     options = {"safety.prove": True, "safety.eta": 0.0, "safety.alpha": [20.0], "duration": 2.5}

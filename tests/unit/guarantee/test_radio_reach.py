@@ -43,6 +43,7 @@ def test_a_goal_or_a_start_that_moves_shows_a_speed_and_without_any_there_are_no
     assert radio_reach(build_swarm(load("one-on-one"))) is None
 
 
+@pytest.mark.slow
 def test_check_says_them():
     (sentence,) = [words for words in checked("radio").words if words.startswith("Radio:")]
     assert "Λ = 5.17" in sentence

@@ -7,6 +7,8 @@ import phalanx
 from phalanx.launcher.network_effect import network_effect
 from phalanx.theory.arrays import Array
 
+pytestmark = pytest.mark.slow
+
 PERFECT = {"network.loss": 0, "network.delay": 0, "faults": [], "agents.0.radio.every": 1}
 
 
@@ -27,7 +29,6 @@ def test_where_received_inputs_are_believed_their_loss_has_one():
     assert effects("unicycles", network__loss=0.9).mean() > 0.0
 
 
-@pytest.mark.slow
 def test_by_radio_it_grows_with_the_time_between_broadcasts_and_with_their_loss():
     def mean(**fields: object) -> float:
         scenario = phalanx.load("radio", {**PERFECT, "duration": 1.5, **fields})

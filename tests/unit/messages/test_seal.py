@@ -232,6 +232,7 @@ def test_noise_is_malformed_and_nothing_else_sealed_or_not(noise, kind):
             SEALER.open(KEY, payload, kind)
 
 
+@pytest.mark.slow
 @given(st.integers(0, len(MESSAGES) - 1), st.integers(0, 255), st.integers(0, 400))
 @settings(max_examples=300)
 def test_a_message_altered_by_one_who_holds_the_secret_is_a_message_or_malformed(which, byte, at):

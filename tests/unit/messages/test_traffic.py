@@ -9,6 +9,7 @@ from phalanx.network.inbox import BroadcastInbox
 from phalanx.swarm.swarm import build_swarm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["radio", "crossing"])
 def test_the_size_is_that_of_the_largest_broadcast_of_a_run(name, monkeypatch):
     sizes, put = [], BroadcastInbox.put

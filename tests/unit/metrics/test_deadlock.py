@@ -119,6 +119,7 @@ def test_trembling_in_place_is_deadlock_and_circling_is_not(swarm):
     assert deadlocks(swarm, t, 1.0 * around, (5.0, 0.0)) == []
 
 
+@pytest.mark.slow
 @given(step=st.floats(0.01, 0.3))
 def test_deadlock_does_not_depend_on_how_often_states_are_recorded(swarm, step):
     t = np.arange(0.0, 20.0, step)
@@ -204,6 +205,7 @@ def test_words_name_the_longest_wait_of_each_and_no_more_than_so_many():
     assert waiting_in_words([]) == ""
 
 
+@pytest.mark.slow
 def test_a_run_records_its_deadlocks_and_a_second_look_sees_the_same(tmp_path):
     facing = {**TABLE, "agents": [{**TABLE["agents"][0], "start": [[-4.0, 0.0], [4.0, 0.0]],
               "goal": [[4.0, 0.0], [-4.0, 0.0]]}]}  # fmt: skip

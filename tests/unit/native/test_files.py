@@ -84,6 +84,7 @@ def test_a_folder_is_made_once_and_a_link_to_one_refused(tmp_path: Path):
         real_folder(tmp_path / "link")
 
 
+@pytest.mark.slow
 def test_every_writer_of_a_file_writes_it_whole():
     loose = []
     for folder in ("phalanx", "agent", "plant", "viewer"):

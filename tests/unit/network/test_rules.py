@@ -155,6 +155,7 @@ class Rain:
 RAIN = {"type": f"{__name__}:Rain", "per_metre": 0.01}
 
 
+@pytest.mark.slow
 def test_a_rule_of_ones_own_takes_a_dozen_lines():
     link = Link(0, "a", "b", model(rules=[RAIN]))
     assert link.asks_distance
@@ -171,6 +172,7 @@ def test_an_inbox_tells_a_rule_how_far_away_the_sender_is():
     assert [fate.delay < 0.0 for fate in (*far, *near)] == [True] * 20 + [False] * 20
 
 
+@pytest.mark.slow
 def test_two_rules_of_one_class_draw_each_for_itself():
     link = Link(0, "a", "b", model(rules=[RAIN, RAIN]))
     found = [link.fate(k, distance=50.0).delay is None for k in range(20_000)]

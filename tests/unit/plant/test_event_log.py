@@ -104,6 +104,7 @@ def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency:
     assert len(certified(run)) > 20
 
 
+@pytest.mark.slow
 def test_an_agent_from_far_away_counts_in_certificates_when_it_is_near():
     """The pairs that may meet are not looked up at each input."""
     hunted = group("hunted", "normal", [[0.0, 0.0]], "track-velocity", speed=1e-3)

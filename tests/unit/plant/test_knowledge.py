@@ -4,6 +4,8 @@ import pytest
 
 import phalanx
 
+pytestmark = pytest.mark.slow
+
 TWO = {
     "duration": 1.5,
     "agents.0.count": 2,

@@ -49,6 +49,7 @@ def test_a_recording_has_the_same_summary_again(name, outcome, tmp_path: Path):
     assert decided_by_recording(again) == decided_by_recording(summary)
 
 
+@pytest.mark.slow
 def test_so_has_one_with_commands_and_convictions(tmp_path: Path):
     frozen = Command(0.1, CommandKind.FREEZE, "1"), Command(0.2, CommandKind.THAW, "1")
     watched = {"duration": 0.5, "safety.watch": True}

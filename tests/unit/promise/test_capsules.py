@@ -22,6 +22,7 @@ def points(capsules: Capsules, k: int) -> np.ndarray:
     return capsules.begin[k] + SHARES[:, None] * (capsules.end[k] - capsules.begin[k])
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), axes=st.sampled_from([2, 3]))
 def test_a_gap_is_the_least_distance_of_all_points(seed, axes):

@@ -94,6 +94,7 @@ LEAVING = {
 """Two that want to swap their places, and a slower one that hunts them."""
 
 
+@pytest.mark.slow
 def test_a_slower_pursuer_never_hits_and_the_promise_is_for_ever():
     free = simulate(scenario(**LEAVING | {"safety__keep": None}))
     assert free.violations
@@ -103,6 +104,7 @@ def test_a_slower_pursuer_never_hits_and_the_promise_is_for_ever():
     assert summary.origins["fallback"] > 20
 
 
+@pytest.mark.slow
 def test_double_integrators_with_drag_leave_too():
     drag = {"type": "double-integrator", "acceleration": 4.0, "drag": 1.0, "dimension": 2}
     slower = {"type": "double-integrator", "acceleration": 0.8, "drag": 1.0, "dimension": 2}

@@ -19,6 +19,8 @@ from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import checked, swarm_of_scenario
 from tests.unit.tables import group, swarm_table
 
+pytestmark = pytest.mark.slow
+
 TABLE = swarm_table(
     group(
         "a b",
@@ -282,7 +284,7 @@ def test_check_says_at_what_disturbance_of_both_a_robot_outruns_its_pursuer():
 def test_what_is_not_covered_is_refused_with_its_field_and_the_fix(changes, field, fix):
     with pytest.raises(ScenarioError) as error:
         simulate(scenario(**changes))
-    assert "meeting: safety.keep: " in str(error.value)
+    assert "points: safety.keep: " in str(error.value)
     assert field in str(error.value)
     assert fix in str(error.value)
 

@@ -198,6 +198,7 @@ def flipped(whole: bytes, at: int, bit: int) -> bytes:
     return bytes(content)
 
 
+@pytest.mark.slow
 @given(chunk=st.integers(0, 3), share=shares, bit=bits)
 @settings(max_examples=25)
 def test_a_flipped_bit_inside_a_chunk_is_damage_and_nothing_it_altered_is_taken(

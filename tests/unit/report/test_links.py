@@ -62,6 +62,7 @@ def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recor
         assert (FATES[b.fate] == LATE) == (FATES[b.fate] != LOST and len(between) > 0)
 
 
+@pytest.mark.slow
 def test_a_broadcast_is_sent_when_its_input_takes_effect() -> None:
     changes = {"duration": 0.2, "time.latency": 0.005, "network.delay": 0.004}
     recording = phalanx.run(phalanx.load("unicycles", changes), engine="in-process").recording

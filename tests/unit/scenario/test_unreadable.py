@@ -21,8 +21,8 @@ TOO_MUCH = {
     "fewer lists": "x = " + "[" * 100 + "]" * 100,
     "tables": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
     "fewer tables": "x = " + "{a=" * 300 + "1" + "}" * 300,
-    "parts of a key": ".".join(["a"] * 20_000) + " = 1",
-    "parts of a table's key": "[" + ".".join(["a"] * 20_000) + "]\nb = 1",
+    "parts of a key": ".".join(["a"] * 2_000) + " = 1",
+    "parts of a table's key": "[" + ".".join(["a"] * 2_000) + "]\nb = 1",
     "digits": "seed = " + "1" * 5000,
     "hexadecimal digits": "name = 0x" + "f" * 5000,
 }

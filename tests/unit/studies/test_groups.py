@@ -34,6 +34,7 @@ def test_values_are_named_numbers_in_ascending_order_and_texts_as_they_come(valu
     ]
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-1e3, 1e3) | st.none(), min_size=60, max_size=200))
 def test_many_numbers_are_in_ranges_that_hold_them(values):
     names, of_row = labels(pl.Series("axis", values, dtype=pl.Float64))

@@ -56,6 +56,7 @@ def test_refused_and_searched_rows_enter_no_rate(tmp_path):
     assert len(searched.frame) == 4
 
 
+@pytest.mark.slow
 def test_a_field_that_only_some_points_set_is_a_column_of_numbers(tmp_path):
     points = [{"safety.eta": 1.0, "safety.margin": "paper"}, {"safety.margin": "local"}]
     plan = plan_from({"scenario": "guaranteed", "points": points})

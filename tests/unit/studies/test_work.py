@@ -53,6 +53,7 @@ def test_a_run_with_another_seed_builds_no_function(scenario, monkeypatch):
     assert built == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", layered(("unicycles", "guaranteed", "faults/lie-input"), ("unicycles",))
 )

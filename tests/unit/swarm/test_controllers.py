@@ -230,6 +230,7 @@ def test_a_report_claims_no_empty_k_for_it():
     assert "normal steps" not in figures["Empty K_i"]
 
 
+@pytest.mark.slow
 def test_inputs_outside_its_polytope_are_projected_and_counted():
     inputs = run("none", "unicycles").inputs
     projected = inputs.filter(inputs["origin"] == Origin.PROJECTED)
@@ -249,6 +250,7 @@ def test_what_it_asks_for_is_the_certificate_of_the_verdict():
         assert asked_inputs[row["agent"], row["t"]] == row["certified"]
 
 
+@pytest.mark.slow
 def test_what_it_notes_is_in_the_inputs():
     inputs = run("keeping:Noting", "unicycles").inputs
     noted = [name for name in inputs.columns if name.startswith("note.")]

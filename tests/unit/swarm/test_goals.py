@@ -119,6 +119,7 @@ class Circle:
         return None
 
 
+@pytest.mark.slow
 def test_a_users_reference_is_followed():
     circle = {"type": "tests.unit.swarm.test_goals:Circle", "kind": "right"}
     (end,) = last_positions(scenario_of("single-integrator", [[1.0, 0.0]], [circle]))

@@ -41,6 +41,7 @@ def plots(replay: Replay, chosen: int) -> dict[str, Plot]:
     return {plot.title: plot for plot in shown.plots}
 
 
+@pytest.mark.slow
 def test_the_bold_age_is_that_of_the_oldest_state(recorded, replay):
     *single, oldest = plots(replay, 0)["Age of peers' states"].curves
     assert [curve.role for curve in single] == ["", ""]
@@ -97,6 +98,7 @@ def test_the_exported_recording_has_sets_and_ages(recorded, replay, tmp_path: Pa
     assert not ages[-1].HasField("n_1")
 
 
+@pytest.mark.slow
 def test_the_network_effect_is_plotted_once_it_was_computed(recorded):
     replay = Replay(recorded.recording)
     assert "Network effect" not in plots(replay, 0)

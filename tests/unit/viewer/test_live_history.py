@@ -132,6 +132,7 @@ def test_an_agent_without_a_step_hides_no_other() -> None:
     np.testing.assert_array_equal(past.agent(3).u, [[3.1, 3.2]])
 
 
+@pytest.mark.slow
 def test_a_long_past_is_thinned_evenly_to_its_peaks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_history, "_MOST_ROWS", 256)
     past, peak, last = LiveHistory(MODEL), 300, 1500

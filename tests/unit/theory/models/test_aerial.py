@@ -90,6 +90,7 @@ def test_inputs_act_on_the_fourth_derivative_of_the_position_and_on_no_lower(x):
         assert slope[:3] == pytest.approx(derivatives(at)[1:], abs=0.05 * size)
 
 
+@pytest.mark.slow
 @given(st.lists(number, min_size=12, max_size=12))
 def test_an_input_is_found_for_a_desired_fourth_derivative(x):
     state, desired = np.array(x), np.array([100.0, -50.0, 20.0])

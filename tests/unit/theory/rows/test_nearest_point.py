@@ -62,6 +62,7 @@ def first_of_all_sets(n, G, g) -> NearestPoint | None:
     return None
 
 
+@pytest.mark.slow
 @given(programs)
 @settings(max_examples=150, deadline=None)
 def test_the_answer_is_that_of_the_first_set_of_all_that_passes(program):
@@ -182,6 +183,7 @@ def test_a_point_of_contact_is_found_and_a_gap_of_more_than_rounding_is_seen():
     assert nearest_point([3.0, 0.5], G, np.array([1.0, -1.0 - 1e-7, 1.0, 1.0]), 2.0) is None
 
 
+@pytest.mark.slow
 @needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
