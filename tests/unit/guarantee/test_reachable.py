@@ -13,7 +13,7 @@ from phalanx.recording.columns import inputs_of
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator
-from tests.unit.plant.reports import STEP
+from tests.unit.plant.runs import STEP
 from tests.unit.swarms import swarm_of_scenario
 from tests.unit.tables import group, swarm_table
 

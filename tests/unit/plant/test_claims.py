@@ -13,7 +13,7 @@ from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.recording.columns import TrueStates
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from tests.unit.plant.reports import report
+from tests.unit.plant.runs import report
 
 TRUTH, LIE = AnnouncedInput(0.03, (1.0, 0.5)), AnnouncedInput(0.03, (-1.0, -0.5))
 
