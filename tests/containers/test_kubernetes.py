@@ -72,11 +72,7 @@ def test_plant_and_viewer_are_given_one_secret_of_those_that_are_made() -> None:
         name: [v["secret"]["secretName"] for v in pod["volumes"] if "secret" in v]
         for name, pod in PODS.items()
     }
-    assert secrets == {
-        "plant": ["phalanx-plant"],
-        "agents": [],
-        "viewer": ["phalanx-viewer"],
-    }
+    assert secrets == {"plant": ["phalanx-plant"], "agents": [], "viewer": ["phalanx-viewer"]}
     assert "for name in plant viewer 1 2 3 4 5; do" in MANIFEST.read_text()
 
 

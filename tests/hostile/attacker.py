@@ -51,11 +51,7 @@ class Attacker:
     """The target of an attack, and the attacker's knowledge."""
 
     def __init__(
-        self,
-        endpoint: str,
-        run: str,
-        secret: bytes | None,
-        tls: Mapping[str, Any] | None = None,
+        self, endpoint: str, run: str, secret: bytes | None, tls: Mapping[str, Any] | None = None
     ) -> None:
         """Aim it.
 

@@ -42,7 +42,7 @@ VARIANTS = {
             {"kind": "partition", "at": 0.9, "for": 0.2, "shape": "ring"},
             {"kind": "hold", "at": 0.6, "for": 0.3, "from": "2"},
             {"kind": "link", "at": 1.1, "for": 0.3, "loss": 0.5, "delay": 0.01},
-        ],
+        ]
     },
     "sensors and actuators": {
         "safety.neighbourhood": 4.7,
@@ -57,7 +57,7 @@ VARIANTS = {
             {"kind": "lie", "agent": "1", "at": 0.1, "for": 0.4, "replay": 5, "to": ["2"]},
             {"kind": "lie", "agent": "1", "at": 0.3, "for": 0.4, "apply_time": 0.01},
             {"kind": "lie", "agent": "2", "at": 0.5, "for": 0.2, "silent": True, "to": ["1"]},
-        ],
+        ]
     },
     "latency": {"time.latency": 0.004, "safety.information": "in-flight"},
     "one controller": {"safety.control": "centralised"},

@@ -6,15 +6,7 @@ import pytest
 
 from phalanx.guarantee.verdict import Outcome
 from tests.network.broadcast_statistics import Statistics, longest_silence, statistics
-from tests.network.testbed import (
-    DELAY,
-    JITTER,
-    SETTLED,
-    lossy,
-    opened,
-    partitioned,
-    unavailable,
-)
+from tests.network.testbed import DELAY, JITTER, SETTLED, lossy, opened, partitioned, unavailable
 
 pytestmark = [
     pytest.mark.swarm,

@@ -470,6 +470,5 @@ def test_an_h_that_has_no_value_in_a_run_ends_it_by_name(calm, engine):
     run = phalanx.run(phalanx.load("calm.toml", overrides), engine=engine)
     assert run.verdict is Outcome.BROKEN
     assert re.search(
-        r"red.*Apart\.between(: expected .* got nan)? \(failing\.py, line ",
-        run.summary.reason,
+        r"red.*Apart\.between(: expected .* got nan)? \(failing\.py, line ", run.summary.reason
     )

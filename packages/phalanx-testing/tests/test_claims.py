@@ -10,10 +10,7 @@ from tests.unit.crossing import CROSSING, UNFILTERED, crossed
 
 CUT = partition(["a"], at=0.5, for_=0.5)
 LIE = lie("b", says="opposite", at=0.2, for_=1.0)
-HEAD_ON = {
-    "agents.0.start": [[-1.5, 0.0], [1.5, 0.0]],
-    "agents.0.goal": [[1.5, 0.0], [-1.5, 0.0]],
-}
+HEAD_ON = {"agents.0.start": [[-1.5, 0.0], [1.5, 0.0]], "agents.0.goal": [[1.5, 0.0], [-1.5, 0.0]]}
 WATCHED = {"safety.information": "split", "safety.watch": True}
 RUNS = {
     "plain": {},

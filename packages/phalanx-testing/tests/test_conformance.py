@@ -133,8 +133,6 @@ def test_another_scenario_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.swarm
 @pytest.mark.nightly
-def test_a_program_by_zenoh_that_keeps_the_rules_passes(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_program_by_zenoh_that_keeps_the_rules_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert by_zenoh(BY_ZENOH.format("pass")) == 0
     assert " keeps the rules: 11 answers, the slowest after " in capsys.readouterr().out

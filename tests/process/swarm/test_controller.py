@@ -55,10 +55,7 @@ def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it():
 
 
 def test_the_controller_outlives_an_agent_and_goes_on_without_one_that_turned():
-    schedule = (
-        Command(0.1, CommandKind.KILL, "1", 0.0),
-        Command(0.2, CommandKind.TURN, "2", 0.0),
-    )
+    schedule = (Command(0.1, CommandKind.KILL, "1", 0.0), Command(0.2, CommandKind.TURN, "2", 0.0))
     recording = centralised(*SYNCHRONOUS, schedule=schedule, engine="processes")
     assert recording.summary.outcome is not Outcome.BROKEN
     last = {step.agent: step for step in recording.steps}

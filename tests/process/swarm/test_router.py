@@ -38,9 +38,7 @@ def test_a_run_at_a_router_is_the_run_without_one(started) -> None:
     assert programs.summary().trajectory == alone("duration=0.3").trajectory
 
 
-def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_one(
-    started,
-) -> None:
+def test_an_agent_that_comes_again_sooner_than_the_scenario_restarts_it_is_the_one(started) -> None:
     """Containers come so, which their engine restarts whenever they fail."""
     dies = 'faults=[{kind="restart", at=0.1, for=0.4, agents=["2"]}]'
     programs = started(2, "one-on-one", "--set", "duration=0.6", "--set", dies)

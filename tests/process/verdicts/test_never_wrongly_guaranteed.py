@@ -171,11 +171,7 @@ def judged(table, tmp_path, inputs: Inputs = as_answered, kind=Hijacked):
     path.unlink(missing_ok=True)
     with RecordingWriter(path, scenario, "attack") as recording:
         plant = PlantRun(
-            rows,
-            agents,
-            recording,
-            CommandQueue(NO_COMMANDS, rows.swarm.names),
-            Lockstep,
+            rows, agents, recording, CommandQueue(NO_COMMANDS, rows.swarm.names), Lockstep
         )
         summary = plant.run()
         recording.finish(summary)
@@ -211,11 +207,7 @@ def swarm(
 ):
     """A table: agent 1 is normal, the others adversaries, all in the plane."""
     single = {"type": "single-integrator", "speed": scale}
-    group = {
-        "law": {"type": "worst"},
-        "clock": {"period": period},
-        "disturbance": {"bound": bound},
-    }
+    group = {"law": {"type": "worst"}, "clock": {"period": period}, "disturbance": {"bound": bound}}
     dynamics = dynamics or single
     agents = [group | {"names": ["1"], "role": "normal", "start": [starts[0]]}]
     agents[0]["dynamics"] = dynamics

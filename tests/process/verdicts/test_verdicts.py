@@ -98,10 +98,7 @@ def test_with_a_distance_in_metres_a_proof_is_to_be_had(name, duration, seed):
 
 @pytest.mark.parametrize(
     ("override", "why"),
-    [
-        ("safety.neighbourhood=5.0", "neighbourhood"),
-        ("time.latency=0.001", "latency"),
-    ],
+    [("safety.neighbourhood=5.0", "neighbourhood"), ("time.latency=0.001", "latency")],
 )
 def test_without_its_proof_the_theorem_says_nothing_of_the_same_run(override, why):
     summary = run("guaranteed", "duration=0.05", "safety.margin=local", override)

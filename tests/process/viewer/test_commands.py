@@ -85,8 +85,7 @@ def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    "plant",
-    ["with another command secret", pytest.param("without one", marks=pytest.mark.nightly)],
+    "plant", ["with another command secret", pytest.param("without one", marks=pytest.mark.nightly)]
 )
 def test_a_viewer_without_the_command_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
     secret = COMMAND_SECRET if plant == "with another command secret" else b""

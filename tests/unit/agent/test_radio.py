@@ -399,10 +399,7 @@ def test_the_gain_is_one_for_all_the_least_that_a_group_has_or_by_the_rarest_bro
     group = table["agents"][0]
     parts = [
         {**group, **{f: group[f][some] for f in ("names", "start", "goal")}, "radio": radio}
-        for some, radio in (
-            (slice(6), {"gain": 2.0}),
-            (slice(6, 8), {"gain": 3.0, "every": 40}),
-        )
+        for some, radio in ((slice(6), {"gain": 2.0}), (slice(6, 8), {"gain": 3.0, "every": 40}))
     ]
     of_two_groups = build_swarm(load({**table, "agents": parts}))
     assert {gain(of_two_groups, agents) for agents in (EVERYBODY, (7, *range(7)))} == {2.0}

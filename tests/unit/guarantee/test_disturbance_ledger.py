@@ -19,11 +19,7 @@ from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import (
-    DifferentialDrive,
-    DynamicUnicycle,
-    Unicycle,
-)
+from phalanx.theory.models.wheeled import DifferentialDrive, DynamicUnicycle, Unicycle
 from tests.layers import layered
 
 MODELS: list[Dynamics] = [

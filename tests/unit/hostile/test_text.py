@@ -99,14 +99,7 @@ def test_a_command_prints_text(
 
 
 @pytest.mark.parametrize(
-    "command",
-    [
-        ["report"],
-        ["verify"],
-        ["certify"],
-        ["view"],
-        ["export", "--html", "x.html"],
-    ],
+    "command", [["report"], ["verify"], ["certify"], ["view"], ["export", "--html", "x.html"]]
 )
 def test_an_agent_of_a_name_that_no_agent_has_is_refused_in_text(
     command: list[str], misnamed: str, capsys: pytest.CaptureFixture[str]

@@ -101,14 +101,7 @@ def test_every_flipped_bit_is_refused_even_without_a_secret(sealer):
 
 
 @pytest.mark.parametrize(
-    "key",
-    [
-        KEYS.telemetry("2"),
-        KEYS.sample("1"),
-        Keys("run-2").telemetry("1"),
-        "",
-        KEY + "/",
-    ],
+    "key", [KEYS.telemetry("2"), KEYS.sample("1"), Keys("run-2").telemetry("1"), "", KEY + "/"]
 )
 def test_a_message_for_another_key_or_run_is_refused(key):
     assert reason(SEALER.seal(KEY, TELEMETRY), key) == "bad seal"

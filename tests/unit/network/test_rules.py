@@ -11,16 +11,7 @@ from phalanx.messages.keys import Keys
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.draws import Draws
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
-from phalanx.network.rule import (
-    CORRUPT,
-    DELIVER,
-    DROP,
-    DUPLICATE,
-    Cut,
-    During,
-    Message,
-    delay,
-)
+from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, Cut, During, Message, delay
 from tests.unit.network.models import broadcast, inbox_of, model
 
 MANY = 20_000

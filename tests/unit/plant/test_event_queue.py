@@ -91,9 +91,7 @@ def test_nothing_more_is_observed_once_the_disk_was_full():
     assert desk.seen == []
 
 
-def test_the_last_events_wait_for_more_until_all_are_to_be_judged(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_the_last_events_wait_for_more_until_all_are_to_be_judged(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(event_queue, "_LONGEST", math.inf)
     desk = Desk(room=1000)
     queue = queue_of(desk)

@@ -42,10 +42,7 @@ class Audience:
 @pytest.mark.slow
 @pytest.mark.parametrize(("agents_of", "longest"), [(LateAgents, 0.0), (DirectAgents, 1e9)])
 def test_a_frame_shows_what_a_replay_does_at_its_time(
-    agents_of: type[DirectAgents],
-    longest: float,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    agents_of: type[DirectAgents], longest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However late answers arrive, and however many events wait to be judged."""
     monkeypatch.setattr(publisher, "_EVERY", 0.0)

@@ -20,9 +20,7 @@ LIMITED = ("safety.neighbourhood=5.0", "agents.1.sensing=8.0")
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=30)
-def test_an_agent_sees_those_within_its_radius_and_those_that_see_it_and_listen_receive(
-    seed,
-):
+def test_an_agent_sees_those_within_its_radius_and_those_that_see_it_and_listen_receive(seed):
     swarm = swarm_of_scenario("unicycles", *LIMITED)
     x = np.random.default_rng(seed).uniform(-6, 6, 15)
     pose = x.reshape(5, 3)

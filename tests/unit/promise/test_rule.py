@@ -13,16 +13,7 @@ from phalanx.promise.rule import Commitment
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.safety.obstacles import Box, Sphere
 from tests.unit.knowledge.adverse import box_motion
-from tests.unit.promise.members import (
-    RADIUS,
-    STEP,
-    disc,
-    keep,
-    member,
-    none,
-    run,
-    towards,
-)
+from tests.unit.promise.members import RADIUS, STEP, disc, keep, member, none, run, towards
 from tests.unit.promise.test_hold import UNICYCLE
 
 VELOCITIES = box_motion(2, 1.5, 0.2, 0.0, 0.1, 0.02)

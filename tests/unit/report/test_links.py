@@ -11,14 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
 import phalanx
-from phalanx.recording.curves.history import (
-    FATES,
-    IN_TIME,
-    LATE,
-    LOST,
-    ReportHistory,
-    broadcasts,
-)
+from phalanx.recording.curves.history import FATES, IN_TIME, LATE, LOST, ReportHistory, broadcasts
 from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.links import _DOTS, link_statistics, space_time

@@ -187,12 +187,6 @@ def test_links_take_the_last_override_that_matches():
         { from = "3", to = "1", loss = 0.3, delay = 0.01 },
     ]""".replace("\n", "")
     links_of = load("unicycles", [links, "network.loss=0.5"]).links()
-    expected = {
-        ("1", "3"): 0.1,
-        ("1", "2"): 0.2,
-        ("3", "2"): 0.2,
-        ("3", "1"): 0.3,
-        ("2", "1"): 0.5,
-    }
+    expected = {("1", "3"): 0.1, ("1", "2"): 0.2, ("3", "2"): 0.2, ("3", "1"): 0.3, ("2", "1"): 0.5}
     assert {link: links_of.model(*link).loss for link in expected} == expected
     assert links_of.model("3", "1").described("delay") == "10 ms"

@@ -107,12 +107,7 @@ def again(folder: Path, change: Callable[[Row], Row]) -> int:
 
 @pytest.mark.parametrize(
     ("changed", "computed"),
-    [
-        ({}, 0),
-        ({"scenario": "other"}, 2),
-        ({"modules": "other"}, 2),
-        ({"versions": "other"}, 2),
-    ],
+    [({}, 0), ({"scenario": "other"}, 2), ({"modules": "other"}, 2), ({"versions": "other"}, 2)],
 )
 def test_a_row_serves_again_where_all_that_it_follows_from_is_the_same(tmp_path, changed, computed):
     def change(row: Row) -> Row:

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from phalanx.studies.statistics import (
-    beta_mixture,
-    betting,
-    clopper_pearson,
-    dkw_band,
-    rate,
-)
+from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson, dkw_band, rate
 
 STUDIES = 1000
 LEVELS = st.sampled_from([0.5, 0.9, 0.95, 0.999])

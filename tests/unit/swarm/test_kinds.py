@@ -63,11 +63,7 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
 
 @pytest.mark.parametrize(
     ("name", "margin"),
-    [
-        ("formation3d", "paper"),
-        ("formation3d-distance", "local"),
-        ("unicycles", "paper"),
-    ],
+    [("formation3d", "paper"), ("formation3d-distance", "local"), ("unicycles", "paper")],
 )
 def test_the_truths_largest_psi_is_that_of_the_chains_and_of_reports_and_viewers(name, margin):
     """Compare chains of h_tot, or of every pair alone; D_1 is within ψ_1 where it is computed."""

@@ -99,12 +99,7 @@ def test_rows_bind_at_some_of_these_states_so_that_roles_could_have_mattered(tmp
 def test_an_agent_composes_its_own_pairs_alone(tmp_path):
     rows = rows_with("nnna", "lse", tmp_path)
     view = rows.seen_by(1).swarm.safe_set
-    assert [view.label(pair) for pair in view.pairs] == [
-        "2-1",
-        "2-3",
-        "2-4",
-        "2-obstacle 0",
-    ]
+    assert [view.label(pair) for pair in view.pairs] == ["2-1", "2-3", "2-4", "2-obstacle 0"]
     adversary = rows.seen_by(3)
     assert adversary is rows
 

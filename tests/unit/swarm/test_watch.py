@@ -26,11 +26,7 @@ def test_a_window_that_straddles_an_apply_time_is_split_there():
 
 
 @pytest.mark.slow
-@given(
-    lost=st.sets(st.integers(0, 9)),
-    begin=st.floats(0.0, 0.08),
-    length=st.floats(1e-3, 0.05),
-)
+@given(lost=st.sets(st.integers(0, 9)), begin=st.floats(0.0, 0.08), length=st.floats(1e-3, 0.05))
 def test_a_lost_broadcast_leaves_its_windows_unchecked(lost, begin, length):
     arrived = {k: claim for k, claim in SENT.items() if k not in lost}
     parts, end = covering(arrived, begin, begin + length), begin + length

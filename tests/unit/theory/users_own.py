@@ -31,9 +31,7 @@ class Drifter:
 
     def actuation(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(
-            ca.horzcat(1.0 + x[1] ** 2, 0.5),
-            ca.horzcat(ca.sin(x[2]), 2.0),
-            ca.horzcat(x[0], 1.0),
+            ca.horzcat(1.0 + x[1] ** 2, 0.5), ca.horzcat(ca.sin(x[2]), 2.0), ca.horzcat(x[0], 1.0)
         )
 
     def position(self, x: ca.SX) -> ca.SX:

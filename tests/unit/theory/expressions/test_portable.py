@@ -53,10 +53,7 @@ ONE = {
     "acosh": (4, 1, 1e300),
     "atanh": (4, -0.999999, 0.999999),
 }
-TWO = {
-    "atan2": (ca.atan2, math.atan2, 3),
-    "hypot": (ca.hypot, math.hypot, 3),
-}
+TWO = {"atan2": (ca.atan2, math.atan2, 3), "hypot": (ca.hypot, math.hypot, 3)}
 SPECIAL = [0.0, 1.0, -1.0, 0.5, -2.0, 3.0, 1e300, math.inf, -math.inf, math.nan]
 
 

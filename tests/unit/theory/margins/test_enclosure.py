@@ -13,12 +13,7 @@ from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.rounding import outwards
-from phalanx.theory.margins.enclosure import (
-    admissible_corners,
-    admissible_inputs,
-    enclose,
-    fastest,
-)
+from phalanx.theory.margins.enclosure import admissible_corners, admissible_inputs, enclose, fastest
 from phalanx.theory.margins.integrated import INFLATIONS
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION

@@ -22,17 +22,9 @@ from phalanx.theory.margins.integrated import (
     keeps_chain,
     time_until_zero,
 )
-from phalanx.theory.models.integrators import (
-    DoubleIntegrator,
-    SingleIntegrator,
-    TripleIntegrator,
-)
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import (
-    DifferentialDrive,
-    DynamicUnicycle,
-    Unicycle,
-)
+from phalanx.theory.models.wheeled import DifferentialDrive, DynamicUnicycle, Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import ComposedSet

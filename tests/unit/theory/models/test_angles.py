@@ -14,11 +14,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.aerial import IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import angles, box_polytope, heading
 from phalanx.theory.models.integrators import DoubleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import (
-    DifferentialDrive,
-    DynamicUnicycle,
-    Unicycle,
-)
+from phalanx.theory.models.wheeled import DifferentialDrive, DynamicUnicycle, Unicycle
 
 
 @dataclass(frozen=True)
