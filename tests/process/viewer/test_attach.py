@@ -57,9 +57,3 @@ def test_a_viewer_that_finds_no_run_says_why(
         run.set_speed(0.0)
     assert process.returncode == 3
     assert complaint in process.stderr
-
-
-def test_a_viewer_says_what_it_does_until_there_is_a_page(finished: Path) -> None:
-    with viewer(str(finished)) as page:
-        reading, evaluating = (page.printed.index(what) for what in ("reading", "evaluating h of"))
-        assert reading < evaluating

@@ -40,21 +40,3 @@ def test_a_page_shows_the_speed_in_force_and_as_fast_as_possible_is_obeyed(
         assert choices(tab)[0] == "as fast as possible"
         tab.get_by_role("option", name="as fast as possible").click()
         assert run.summary().t == 9.0  # which would take a minute and a half at 0.1
-
-
-def test_a_run_in_real_time_offers_no_speed_that_it_cannot_have(tab: "Tab", tmp_path: Path) -> None:
-    # Long enough that a busy machine sets the last speed before the run ends.
-    scenario = load("unicycles", ["duration=90.0", "time.latency=0.005"])
-    policy = CommandPolicy(secret=COMMAND_SECRET)
-    with (
-        live_run(scenario, tmp_path / "live", policy, real_time=0.1) as run,
-        viewer(*ADDRESS, run.endpoint, command_secret=COMMAND_SECRET) as page,
-    ):
-        tab.goto(page.url)
-        field = labelled(tab, "Speed")
-        wait_for(lambda: field.input_value() == "0.1 ×")
-        assert choices(tab) == ["0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "4 ×"]
-        tab.get_by_role("option", name="4 ×").click()
-        wait_for(lambda: field.input_value() == "4 ×")
-        run.set_speed(40.0)
-        run.summary()

@@ -92,11 +92,6 @@ def plotted(replay: Replay) -> Content:
     return content(replay, range(5), seekable=True)
 
 
-def test_inputs_are_plotted_in_their_units(replay: Replay) -> None:
-    inputs = {p.unit for p in plotted(replay).plots if p.title.startswith("Input")}
-    assert inputs == {"m/s", "rad/s"}
-
-
 def test_the_marks_are_the_worst_moment_and_the_first_backup(
     replay: Replay, finished: Path
 ) -> None:
@@ -106,26 +101,6 @@ def test_the_marks_are_the_worst_moment_and_the_first_backup(
     backups = [s.t_apply for s in read(finished).steps if s.origin == "backup"]
     assert marks["backup"] == min(backups)
     assert sum(a.backups for a in replay.frame(marks["backup"]).agents) == 1
-
-
-def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
-    replay.seek(1.0)
-    before = replay.t
-    replay.step(1)
-    assert replay.t == replay.times[np.searchsorted(replay.times, before, side="right")] > before
-    replay.step(-1)
-    assert replay.t <= before
-
-
-def test_a_replay_says_whether_it_plays(replay: Replay) -> None:
-    replay.seek(0.0)
-    replay.play(True)
-    wait_for(lambda: (frame := replay.take()) and not frame.paused)
-    replay.play(False)
-    stopped = replay.take()
-    assert stopped is not None
-    assert stopped.paused
-    assert replay.take() is None
 
 
 def test_what_an_agent_applied_is_what_the_recording_says(replay: Replay, finished: Path) -> None:

@@ -1,7 +1,6 @@
 """Each workaround is needed still: a test that fails here says that one may go."""
 
 import inspect
-import io
 import multiprocessing.spawn
 import os
 import re
@@ -11,19 +10,15 @@ import subprocess
 import sys
 import tomllib
 import types
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import pytest
 import viser
 import viser.infra
 import zenoh
-from mcap.writer import Writer
 from viser._messages import RunJavascriptMessage
 
 from phalanx.launcher.libraries import _without_main
-from phalanx.recording.write import PackedWriter
 from phalanx.wire.session import free_endpoint
 from phalanx.wire.zenoh_sessions import disable_linger
 from tests.process.runs import wait_for
@@ -70,47 +65,6 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
         assert lingering(port) == [10], "phalanx/wire/zenoh_sessions.py: disable_linger may go"
         disable_linger(hub)
         wait_for(lambda: lingering(port) == [-1])
-
-
-COUNT_CALLBACKS = """
-import sys, threading
-import zenoh
-from phalanx.wire.zenoh_sessions import keep_thread_state
-from phalanx.wire.session import free_endpoint
-from tests.process.runs import wait_for
-from tests.unit.compat.test_workarounds import opened
-
-endpoint, own, counts = free_endpoint(), threading.local(), []
-
-def on_sample(_):
-    if sys.argv[1] == "True":
-        keep_thread_state()
-    own.count = getattr(own, "count", 0) + 1
-    counts.append(own.count)
-
-with opened(listen=endpoint) as hub, opened(connect=endpoint) as peer:
-    hub.declare_subscriber("a", zenoh.handlers.Callback(on_sample, indirect=False))
-    publisher = peer.declare_publisher("a")
-    wait_for(lambda: publisher.matching_status.matching)
-    for n in range(1, 21):
-        publisher.put(b"")
-        wait_for(lambda: len(counts) >= n)
-print(max(counts) > 1)
-"""
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-@pytest.mark.parametrize("kept", [False, True])
-def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(kept: bool):
-    # Zenoh's threads outlive its sessions: in this process another test may have kept their state.
-    process = subprocess.run(
-        [sys.executable, "-c", COUNT_CALLBACKS, str(kept)],
-        capture_output=True, text=True, check=True, cwd=ROOT,
-    )  # fmt: skip
-    assert process.stdout.strip() == str(kept), (
-        "phalanx/wire/zenoh_sessions.py: keep_thread_state may go"
-    )
 
 
 @pytest.mark.slow
@@ -161,30 +115,3 @@ def test_viser_handles_messages_while_it_draws():
     at_once = "useFrame(\n    () => drainRef.current()" in handler
     assert at_once, "viser_frames.js may go"
     assert "w.__viserMutable = mutable.current" in app, "viser_frames.js needs it"
-
-
-def test_a_packed_file_has_the_bytes_of_the_librarys_own_which_takes_more_calls() -> None:
-    messages = [(1 + k % 3, 100 - k % 7, b"x" * k) for k in range(200)]
-    files, calls = (io.BytesIO(), io.BytesIO()), [0, 0]
-    own = Writer(files[0], chunk_size=2000, enable_data_crcs=True)
-    packed = PackedWriter(files[1], 2000)
-    for writer in (own, packed):
-        writer.start()
-        for topic in "abc":
-            writer.register_channel(topic, "json", 0)
-
-    def counted(number: int, add: Callable[[], None]) -> None:
-        def count(_frame: types.FrameType, event: str, _: object) -> None:
-            calls[number] += event in ("call", "c_call")
-
-        sys.setprofile(count)
-        add()
-        sys.setprofile(None)
-
-    for channel, at, data in messages:
-        counted(0, partial(own.add_message, channel, at, data, at))
-        counted(1, partial(packed.add, [(channel, at, data)]))
-    for writer in (own, packed):
-        writer.finish()
-    assert files[1].getvalue() == files[0].getvalue()
-    assert calls[0] > 4 * calls[1], "mcap packs messages itself: phalanx/recording/write.py"

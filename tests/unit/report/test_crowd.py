@@ -1,8 +1,6 @@
 """Reports on more than 12 agents: the worst few by name over envelopes of all."""
 
 import re
-from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -94,28 +92,6 @@ def test_inputs_show_how_many_steps_had_an_empty_set(history: ReportHistory) -> 
     assert named(empty) == ["backup (16 steps)", "no authority (16 steps)"]
 
 
-def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording) -> None:
-    calm = replace(crowded, steps=[s for s in crowded.steps if s.k % 5])
-    (used,) = steps.inputs_of_all(ReportHistory(calm)).axes
-    assert "share" in used.get_ylabel()
-
-
-def test_certified_times_count_the_inputs_below_tau(history: ReportHistory) -> None:
-    figure = steps.certified(history)
-    assert figure is not None
-    swarm = history.swarm
-    certified = [(i, s.certified) for i in swarm.normal for s in history.steps[i]]
-    below = sum(t < swarm.horizon(i) for i, t in certified if t is not None)
-    assert figure.axes[0].get_title(loc="right") == f"{below} of {len(certified)} inputs below τ"
-
-
-def test_the_receiver_of_the_oldest_inputs_is_named_first(history: ReportHistory) -> None:
-    figure = steps.ages(history)
-    assert figure is not None
-    (axes,) = figure.axes
-    assert named(axes)[3].startswith(f"{WORST_RECEIVER}: ")
-
-
 def test_losses_name_the_links_that_lost_more_than_their_model(crowded: Recording) -> None:
     links = link_statistics(crowded)
     (axes,) = losses(crowded, links).axes
@@ -143,20 +119,3 @@ def test_the_report_is_short_and_says_what_it_leaves_out(
     assert size_in_words(crowded) in html
     (note,) = notes(history)
     assert note.startswith("More than 12 agents")
-
-
-def test_a_recordings_size_is_given_for_each_agent_and_second(crowded: Recording) -> None:
-    size = crowded.path.stat().st_size
-    size_each = size / (19 * crowded.states[-1].t)
-    assert size_in_words(crowded) == (
-        f"{size / 1e6:.3g} MB, {size_each / 1e3:.3g} kB for each agent and second of virtual time"
-    )
-
-
-@pytest.mark.slow
-def test_one_normal_agent_alone_with_an_obstacle_in_space(tmp_path: Path) -> None:
-    obstacles = [{"center": [5.0, 2.0, 1.0], "clearance": 1.0}]
-    scenario = swarm_in_space(1, 0, {"obstacles": obstacles})
-    report = write_report(record(tmp_path, scenario, drift(scenario), summary_of(scenario)))
-    names = {image.stem for image in (report.parent / "figures").iterdir()}
-    assert names == {"h_tot", "paths", "distances", "inputs-n0", "certified", "solve-times"}

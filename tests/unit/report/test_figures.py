@@ -4,7 +4,6 @@ import dataclasses
 from pathlib import Path
 from weakref import WeakValueDictionary
 
-import casadi as ca
 import msgspec
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from phalanx.report.safety import distances
 from phalanx.report.write import draw_figures, origins
 from phalanx.scenario.load import load, read_table
 from phalanx.theory.arrays import Array
-from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift
 from tests.unit.swarms import rows_of_scenario
@@ -69,12 +67,6 @@ def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
         assert list(below.get_offsets()[:4, 0]) == pytest.approx([0.0, 0.01, 0.1, 0.11])
 
 
-def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Recording) -> None:
-    made = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
-    bare = dataclasses.replace(recording, steps=made)
-    assert steps.certified(ReportHistory(bare)) is None
-
-
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
     scenario = load("formation3d", ["duration=0.1"])
     records = drift(scenario, states=2, steps=2)
@@ -89,24 +81,6 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
     assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
     bound = [line.get_ydata()[0] for line in norm.lines if line.get_linestyle() == ":"]
     assert bound == [2.0]
-
-
-class InDiamond(SingleIntegrator):
-    """A single integrator with |vx| + |vy| <= 1: no input has a bound of its own."""
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return ca.SX([[1, 1], [1, -1], [-1, 1], [-1, -1]]), ca.SX.ones(4)
-
-
-def test_where_the_inputs_lie_in_no_box_neither_norm_nor_shares_are_drawn() -> None:
-    scenario = load("one-on-one", [f"agents.0.dynamics.type='{__name__}:InDiamond'"])
-    records = drift(scenario, states=2, steps=2)
-    states, step_records = ([r for r in records if isinstance(r, kind)] for kind in (State, Step))
-    history = ReportHistory(Recording(Path(), scenario, {}, states, step_records))
-    panels = steps.inputs(history, 0).axes
-    assert [axes.get_ylabel() for axes in panels] == ["vx [m/s]", "vy [m/s]"]
-    shares, _ = steps.inputs_of_all(history).axes
-    assert not shares.lines
 
 
 class CountingHistory(ReportHistory):
@@ -138,10 +112,6 @@ def test_the_nominal_input_is_drawn_with_the_applied_one_and_does_not_stretch_th
         curves = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
         assert [set(np.round(line, 12)) for line in curves] == [{nominal}, {0.1}]
         assert max(map(abs, axes.get_ylim())) < 9.0
-
-
-def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
-    assert safety.psi(ReportHistory(recording)) is None
 
 
 def test_psi_1_of_a_pair_that_closes_in_is_drawn_at_each_state() -> None:

@@ -136,17 +136,3 @@ def test_a_box_as_a_polygon_keeps_agents_about_as_far():
 def test_a_box_with_another_number_of_sides_is_refused():
     with pytest.raises(ValueError, match="size: expected 2 sides, got 3"):
         Box((0.0, 0.0), (1.0, 1.0, 1.0))
-
-
-@pytest.mark.parametrize(
-    "corners",
-    [
-        ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0)),
-        ((0.0, 0.0), (4.0, 0.0), (1.0, 1.0), (0.0, 4.0)),
-        ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)),
-        ((0.0, 0.0), (1.0, 0.0), (np.inf, 1.0)),
-    ],
-)
-def test_corners_of_no_convex_polygon_are_refused(corners):
-    with pytest.raises(ValueError, match="corners: expected those of a convex polygon"):
-        Polygon(corners)
