@@ -42,35 +42,6 @@ def test_it_runs_by_name_from_a_scenario(folder):
     assert summary.origins["qp"] > 60
 
 
-LANE = """
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Lane:
-    half_width: float
-
-    def alone(self, a):
-        return (a.p[1] ** 2 - self.half_width**2) / (2 * self.half_width)
-
-    def outline(self):
-        return [[(-50.0, y), (50.0, y)] for y in (-self.half_width, self.half_width)]
-"""
-
-
-@pytest.mark.nightly
-def test_a_limit_of_ones_own_is_a_pair_of_each_normal_agent(folder):
-    (folder / "pools.py").write_text(LANE)
-    limits = [{"type": "pools:Lane", "half_width": 12.0}]
-    run = phalanx.run(
-        phalanx.load("regatta.toml", overrides={"duration": 1.0, "limits": limits}),
-        engine="in-process",
-    )
-    assert run.summary.outcome is Outcome.GUARANTEED
-    assert run.h.columns[-2:] == ["red-limit 0", "blue-limit 0"]
-    assert run.report().is_file()
-
-
 REMEMBERING = """
 from dataclasses import dataclass, field
 from typing import Any
@@ -80,32 +51,25 @@ import numpy as np
 
 from phalanx.extend import DELIVER, DROP, box_polytope
 
-
 @dataclass
 class Sum:
     value: float = 0.0
-
     def __hash__(self):
         return id(self)
-
 
 @dataclass
 class Integral:
     \"\"\"Remembers in each way there is: in what prepare and __post_init__ make, in fields, in
     defaults, in its class, and in the dynamics that it was shown.\"\"\"
-
     gain: float
     sum: Any = Sum()
     errors: list[float] = field(default_factory=list)
     inputs = 0
     last = {}
-
     def __post_init__(self):
         self.total = np.zeros(2)
-
     def prepare(self, dynamics):
         self.dynamics = dynamics
-
     def input(self, view):
         error = -view.positions[view.i]
         self.total += 0.01 * error
@@ -117,62 +81,47 @@ class Integral:
         more = self.sum.value + sum(self.errors) + self.last["x"]
         return error + self.gain * self.total + more + 0.0001 * (self.inputs + self.dynamics.asked)
 
-
 @dataclass
 class Third:
     \"\"\"Drops every third message that it was asked about.\"\"\"
-
     asked: int = 0
-
     def treat(self, message):
         self.asked += 1
         return DROP if self.asked % 3 == 0 else DELIVER
 
-
 @dataclass
 class Steeper:
     \"\"\"Each time that it is asked.\"\"\"
-
     gain: float
     asked: int = 0
-
     def value(self, s):
         self.asked += 1
         return self.gain * self.asked * s
-
 
 @dataclass
 class Farther:
     radius: float
     asked: int = 0
-
     def between(self, a, b):
         self.asked += 1
         return (self.radius + 0.01 * self.asked) ** 2 - ca.sumsqr(a.p - b.p)
-
     def to_obstacle(self, a, obstacle):
         return obstacle.intrusion(a.p)
-
 
 @dataclass
 class Drifting:
     asked: int = 0
     states = ("x", "y")
     inputs = ("vx", "vy")
-
     def drift(self, x):
         self.asked += 1
         return ca.SX([0.01 * self.asked, 0.0])
-
     def actuation(self, x):
         return ca.SX.eye(2)
-
     def position(self, x):
         return x
-
     def input_polytope(self, x):
         return box_polytope((2.0, 2.0))
-
     def input_metric(self):
         return (1.0, 1.0)
 """
@@ -232,7 +181,6 @@ import numpy as np
 
 from phalanx.extend import DELIVER, box_polytope
 
-
 def fail(how):
     match how:
         case "raises":
@@ -242,78 +190,60 @@ def fail(how):
                 pass
     return np.array([np.nan, 0.0]) if how == "nan" else None
 
-
 @dataclass
 class Sail:
     how: str
     asked: int = 0
-
     def prepare(self, dynamics):
         self.agents = 0
-
     def input(self, view):
         self.asked += 1
         if self.asked <= 10 or view.i != 0:
             return np.zeros(2)
         return fail(self.how)
 
-
 @dataclass
 class Rain:
     how: str
     first: int = 5
-
     def treat(self, message):
         return DELIVER if message.k < self.first else fail(self.how)
-
 
 @dataclass(frozen=True)
 class Boat:
     how: str  # beyond x = -2.1 this method has no value
     states = ("x", "y")
     inputs = ("vx", "vy")
-
     def root(self, how, x):
         return 0.001 * ca.sqrt(x[0] + 2.1) if self.how == how else 0.0
-
     def drift(self, x):
         return ca.vertcat(self.root("drift", x), 0.0)
-
     def actuation(self, x):
         return ca.SX.eye(2)
-
     def position(self, x):
         return ca.vertcat(x[0] + self.root("position", x), x[1])
-
     def input_polytope(self, x):
         A, b = box_polytope((2.0, 2.0))
         return A, b + self.root("polytope", x)
-
     def input_metric(self):
         return (1.0, 1.0)
-
 
 @dataclass(frozen=True)
 class Apart:
     how: str  # beyond x = -2.1 it has no value, or no slope
-
     def between(self, a, b):
         inside = a.p[0] + 2.1
         root = ca.sqrt(inside if self.how == "value" else ca.fmax(inside, 0.0))
         return 1.0 - ca.sumsqr(a.p - b.p) + 0.001 * root
-
     def to_obstacle(self, a, obstacle):
         return obstacle.intrusion(a.p)
-
 
 @dataclass
 class Left:
     def prepare(self, dynamics):
         pass
-
     def input(self, view):
         return np.array([-1.0, 0.0])
-
 
 @dataclass(frozen=True)
 class Reserve:

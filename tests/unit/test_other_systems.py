@@ -28,15 +28,12 @@ for module, names in ONLY_LINUX.items():
     for name in names.split():
         vars(importlib.import_module(module)).pop(name, None)
 
-
 def refused(function):
     def call(path, *arguments, **options):
         if str(path).startswith("/proc"):
             raise FileNotFoundError(2, "No such file or directory", path)
         return function(path, *arguments, **options)
-
     return call
-
 
 builtins.open, os.open, os.listdir = map(refused, (builtins.open, os.open, os.listdir))
 found = ctypes.CDLL.__getattr__

@@ -30,19 +30,14 @@ from pathlib import Path
 
 import numpy as np
 
-
 @dataclass
 class Killer:
     """Kills its process at its first inputs, as often as the file has bytes; of an s both.
-
     Its parent is the fork server.
     """
-
     file: str
-
     def prepare(self, dynamics):
         self.armed = True
-
     def input(self, view):
         if self.armed:
             self.armed = False

@@ -39,12 +39,10 @@ ENDLESS = """
 from dataclasses import dataclass
 from pathlib import Path
 
-
 @dataclass
 class Endless:
     def prepare(self, dynamics):
         pass
-
     def input(self, view):
         Path("asked").touch()
         while True:
@@ -260,7 +258,7 @@ def test_an_agent_that_a_fault_has_killed_is_not_why_the_run_broke(phalanx, tmp_
     output = run.ends(3)
     text = " ".join(output.split())
     assert re.search(r"Faulty.input: expected no error for agent [45], got RuntimeError: no", text)
-    assert "faulty_law.py, line 12" in text
+    assert "faulty_law.py, line 11" in text
     assert "phx-agent-1 died" not in output
     assert any(line.text.startswith("agent 1 killed") for line in read(run.folder, trust=True).log)
 
@@ -318,7 +316,6 @@ from dataclasses import dataclass
 class Faulty:
     def prepare(self, dynamics):
         self.answers = 0
-
     def input(self, view):
         self.answers += 1
         if self.answers > 1:  # the first is asked for before any process starts
@@ -330,7 +327,6 @@ class Faulty:
 FAILING = """
 import os
 from phalanx.extend import TrackVelocity as Base
-
 
 class TrackVelocity(Base):
     def join(self, i, members, obstacles):

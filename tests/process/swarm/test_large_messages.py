@@ -20,12 +20,10 @@ endpoint, size = sys.argv[1], int(sys.argv[2])
 with open_client(endpoint, 60.0) as session:
     report, broadcasts = publisher(session, "report"), Addressed(session)
     wait_for_listener(report, 60.0)
-
     def answer(key, payload):
         for peer in range(255):
             broadcasts.put(f"broadcast/{peer}", bytes(100))
         report.put(bytes(size))
-
     subscribe(session, "sample", answer)
     threading.Event().wait()
 """

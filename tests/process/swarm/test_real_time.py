@@ -97,12 +97,10 @@ FAILING_LAW = """
 from dataclasses import dataclass
 from pathlib import Path
 
-
 @dataclass
 class Failing:
     def prepare(self, dynamics):
         pass
-
     def input(self, view):
         if Path("fail").exists():
             raise RuntimeError("no camera")

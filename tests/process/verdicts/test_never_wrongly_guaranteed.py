@@ -48,13 +48,10 @@ from phalanx.extend import SingleIntegrator
 
 AT, THIN = 0.1037, 1e-4  # no step of 1 mm from 0 ends in between
 
-
 @dataclass(frozen=True)
 class Thin:
     """Unsafe only between AT and AT + THIN, and near nothing else."""
-
     kind: str
-
     def between(self, a, b):
         x, y = a.p[0], a.p[1]
         r = ca.norm_2(a.p - ca.DM([-1.0, 0.0])) - 1.0
@@ -67,52 +64,40 @@ class Thin:
             "smooth": -1.0 - x * x,
             "unbounded": ca.erf(x) - 2.0,
         }[self.kind]
-
     def to_obstacle(self, a, obstacle):
         return obstacle.intrusion(a.p)
-
 
 @dataclass(frozen=True)
 class ByName:
     """Separation of 1 m, but of 2 m from agent 3."""
-
     def between(self, a, b):
         radius = 2.0 if "3" in str(b.x) else 1.0
         return radius * radius - ca.sumsqr(a.p - b.p)
-
     def to_obstacle(self, a, obstacle):
         return obstacle.intrusion(a.p)
-
 
 @dataclass(frozen=True)
 class Below:
     """α(0) = -1."""
-
     def value(self, s):
         return s - 1.0
-
 
 @dataclass(frozen=True)
 class Stepping:
     """α that jumps up at -0.5."""
-
     def value(self, s):
         return 50.0 * ca.sign(s + 0.5)
-
 
 @dataclass(frozen=True)
 class Needle(SingleIntegrator):
     """Its U is a needle: 0.1 long towards -x, and 2e-6 thick where it is thickest."""
-
     def input_polytope(self, x):
         A = ca.DM([[1.0, 0.0], [-1e-5, 1.0], [-1e-5, -1.0]])
         return ca.SX(A), ca.SX(ca.DM([0.0, 1e-6, 1e-6]))
 
-
 @dataclass(frozen=True)
 class Flying(SingleIntegrator):
     """It cannot stand still: it flies towards +x."""
-
     def input_polytope(self, x):
         A = ca.DM([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
         return ca.SX(A), ca.SX(ca.DM([2.0, -1.0, 0.1, 0.1]))

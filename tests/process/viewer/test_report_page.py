@@ -1,18 +1,15 @@
 """The report in a browser: what the first screen has, how tables scroll, and where words break."""
 
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import matplotlib.image
-import numpy as np
 import pytest
 
 from phalanx.report.write import write_report
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Browser
     from playwright.sync_api import Page as Tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
@@ -63,29 +60,3 @@ def test_the_page_is_as_wide_as_the_screen_and_breaks_no_word(opened: "Tab") -> 
     wide = opened.evaluate("document.documentElement.scrollWidth")
     assert wide == opened.viewport_size["width"]
     assert opened.evaluate(_SPLIT) == []
-
-
-def test_a_link_of_the_contents_leads_to_its_section(opened: "Tab") -> None:
-    opened.get_by_role("navigation").get_by_role("link", name="Events").click()
-    assert opened.get_by_role("heading", name="Events").bounding_box()["y"] < 844
-
-
-def test_a_table_has_a_shadow_on_the_side_where_it_goes_on(opened: "Tab") -> None:
-    tables = opened.locator(".wide")
-    sizes = tables.evaluate_all("all => all.map(each => each.scrollWidth - each.clientWidth)")
-    for table, hidden in zip(tables.all(), sizes, strict=True):
-        if hidden == 0:
-            assert edges(table) == (False, False)
-        elif hidden > 32:  # over less than its own width a shadow fades
-            assert edges(table) == (False, True)
-            table.evaluate("each => { each.scrollLeft = each.scrollWidth; }")
-            assert edges(table) == (True, False)
-    assert opened.viewport_size["width"] > 390 or max(sizes) > 50
-
-
-def edges(table: "Locator") -> tuple[bool, bool]:
-    """Return whether the left and the right edge of a table are darker than its middle."""
-    png = io.BytesIO(table.screenshot())
-    grey = matplotlib.image.imread(png, format="png")[..., :3].mean(axis=2)
-    left, right, inside = (np.median(part) for part in (grey[:, 0], grey[:, -1], grey[:, 30:-30]))
-    return bool(left < inside - 0.1), bool(right < inside - 0.1)

@@ -226,36 +226,6 @@ def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "T
             wait_for(lambda size=size: 0.8 < distance(size) / (size * near) < 1.2)  # type: ignore[misc]
 
 
-def test_a_camera_that_reports_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
-    down, swarm = np.array([0.0, 0.0, -1.0]), TOGETHER
-    with seen_from_above(tab, swarm) as (server, camera, reported):
-        (client,) = server.get_clients().values()
-        tilts: list[tuple[float, float]] = []
-
-        def on_report(_: object) -> None:
-            views = reported(), camera.show(swarm, None)
-            reported_tilt, tilt = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
-            tilts.append((reported_tilt, tilt))
-
-        client.camera.on_update(in_loop(on_report))
-
-        def show_at_once() -> None:
-            with client.atomic():
-                camera.show(swarm, None)
-                client.camera.fov *= 1.001  # it reports its view, before it has moved
-
-        def reported_at_once() -> bool:
-            nonlocal swarm
-            swarm = swarm + np.array([0.5, 0.0, 0.0])
-            before = len(tilts)
-            server.run(show_at_once)
-            wait_for(lambda: len(tilts) > before)
-            return any(tilt > 0.1 for tilt, _ in tilts)
-
-        wait_for(reported_at_once)
-        assert all(tilt < 1e-3 for _, tilt in tilts)
-
-
 def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:

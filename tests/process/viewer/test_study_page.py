@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from phalanx.studies.page.write import write_study_page
-from tests.process.runs import wait_for
 from tests.unit.studies.frames import frame
 
 pytestmark = pytest.mark.browser
@@ -42,31 +41,3 @@ def test_a_click_on_a_title_sorts_and_another_turns_the_order(tab, written):
     tab.get_by_role("button", name="worst_pair").press("Enter")
     assert column(tab, "worst_pair") == ["a", "b", "c", "–"]
     assert column(tab, "index") == ["1", "0", "3", "2"]
-
-
-def test_the_page_fits_a_phone_and_its_drawings_turn_dark(tab, written):
-    tab.set_viewport_size({"width": 400, "height": 800})
-    tab.goto(written)
-    assert tab.evaluate("document.documentElement.scrollWidth") == 400
-
-    def darkest() -> int:
-        least: int = tab.evaluate(
-            """async () => {
-              const image = document.querySelector("figure img"); await image.decode()
-              const canvas = Object.assign(document.createElement("canvas"),
-                { width: image.naturalWidth, height: image.naturalHeight })
-              const drawn = canvas.getContext("2d"); drawn.drawImage(image, 0, 0)
-              const data = drawn.getImageData(0, 0, canvas.width, canvas.height).data
-              let least = 255
-              for (let i = 0; i < data.length; i += 4)
-                if (data[i + 3] === 255) least = Math.min(least, data[i])
-              return least
-            }"""
-        )
-        return least
-
-    # The browser may take the other picture only after the colour scheme has changed.
-    tab.emulate_media(color_scheme="light")
-    wait_for(lambda: darkest() < 60)
-    tab.emulate_media(color_scheme="dark")
-    wait_for(lambda: darkest() > 90)

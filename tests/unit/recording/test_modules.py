@@ -23,7 +23,6 @@ from .gains import GAIN
 
 class Mine(TrackVelocity):
     gain = GAIN
-
     def later(self):
         from . import late
 """

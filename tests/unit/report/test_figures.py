@@ -2,7 +2,6 @@
 
 import dataclasses
 from pathlib import Path
-from weakref import WeakValueDictionary
 
 import msgspec
 import numpy as np
@@ -13,11 +12,8 @@ from phalanx.recording.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
-from phalanx.report.safety import distances
 from phalanx.report.write import draw_figures, origins
 from phalanx.scenario.load import load, read_table
-from phalanx.theory.arrays import Array
-from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift
 from tests.unit.swarms import rows_of_scenario
 
@@ -81,25 +77,6 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
     assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
     bound = [line.get_ydata()[0] for line in norm.lines if line.get_linestyle() == ":"]
     assert bound == [2.0]
-
-
-class CountingHistory(ReportHistory):
-    """Counts the distances of pairs that are in memory at once."""
-
-    most = 0
-
-    def distance(self, pair: Pair) -> Array:
-        distance = super().distance(pair)
-        self.alive = getattr(self, "alive", WeakValueDictionary())
-        self.alive[id(distance)] = distance
-        self.most = max(self.most, len(self.alive))
-        return distance
-
-
-def test_distances_of_one_pair_at_a_time_are_in_memory(recording: Recording) -> None:
-    history = CountingHistory(recording)
-    assert len(distances(history).axes) == 3
-    assert history.most <= 2  # the next pair's, and the last one's until they take its place
 
 
 def test_the_nominal_input_is_drawn_with_the_applied_one_and_does_not_stretch_the_panel(

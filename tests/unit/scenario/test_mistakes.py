@@ -18,26 +18,22 @@ import numpy as np
 
 from phalanx.extend import box_polytope
 
-
 @dataclass(frozen=True)
 class Swimmer:
     current: float = 0.0
     states = ("x", "y", "v")
     inputs = ("a", "b")
-
     def drift(self, x): return ca.vertcat(ca.sin(x[1]), x[2], 0)
     def actuation(self, x): return ca.SX([[1, 0], [0, 1], [0, 0]])
     def position(self, x): return x[:2]
     def input_polytope(self, x): return box_polytope((1.0, 1.0))
     def input_metric(self): return (1.0, 1.0)
 
-
 @dataclass(frozen=True)
 class Unfinished:
     states, inputs, drift = ("x", "y", "v"), ("a", "b"), Swimmer.drift
     actuation, position = Swimmer.actuation, Swimmer.position
     input_polytope = Swimmer.input_polytope
-
 
 class TextStates(Swimmer): states = "xyv"
 class TwinStates(Swimmer): states = ("x", "y", "y")
@@ -84,7 +80,6 @@ class BackwardTravel(Swimmer):
 class Unmakable(Swimmer):
     def __post_init__(self): {}["wheel"]
 
-
 class Plain:
     def between(self, a, b): return 1 - ca.sumsqr(a.p - b.p)
     def to_obstacle(self, a, obstacle): return obstacle.intrusion(a.p)
@@ -106,7 +101,6 @@ class Mathematical(Apart):
 
 class Selfless(Apart):
     def between(a, b): return 1 - ca.sumsqr(a.p - b.p)
-
 
 @dataclass
 class Rest:
@@ -171,7 +165,7 @@ DYNAMICS = {
     "ZeroMetric": "ZeroMetric.input_metric: expected 2 weights above 0, got (1.0, 0.0)",
     "BackwardTravel": "BackwardTravel.travel: expected a distance [m], got -1.0",
     "Unmakable": "expected mistaken:Unmakable to be made of its fields, got KeyError: 'wheel'",
-    "Unfinished": ": expected a dataclass that is a Dynamics: Unfinished (mistaken.py, line 24) "
+    "Unfinished": ": expected a dataclass that is a Dynamics: Unfinished (mistaken.py, line 21) "
     "lacks input_metric(self), got 'mistaken:Unfinished'",
     "Swimer": "cannot be imported (AttributeError: module 'mistaken' has no attribute 'Swimer'); "
     "did you mean mistaken:Swimmer (mistaken.py)?, got 'mistaken:Swimer'",
@@ -198,7 +192,7 @@ MISSPELT = {
     "agents.0.dynamics.type=mistakn:Swimmer": "agents.0.dynamics: cannot be imported "
     "(ModuleNotFoundError: No module named 'mistakn'); did you mean mistaken:Swimmer (mistaken.p",
     "agents.0.dynamics.curent=0.2": "own.toml: agents.0.dynamics.curent: unknown field: Swimmer "
-    "(mistaken.py, line 11) has current, got 0.2",
+    "(mistaken.py, line 10) has current, got 0.2",
 }
 PARTS = {"agents.0.dynamics": DYNAMICS, "safety.function": FUNCTIONS, "agents.0.law": LAWS}
 MISTAKES = MISSPELT | {

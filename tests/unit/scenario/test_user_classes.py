@@ -22,14 +22,11 @@ import numpy as np
 
 from phalanx.extend import Separation, SingleIntegrator
 
-
 @dataclass(frozen=True)
 class Swimmer(SingleIntegrator):
     current: float = 0.5
-
     def drift(self, x):
         return ca.vertcat(self.current * ca.sin(x[1]), 0)
-
 
 @dataclass(frozen=True)
 class Tired(Swimmer):
@@ -37,45 +34,37 @@ class Tired(Swimmer):
         A, b = super().input_polytope(x)
         return A, b / (1 + x[0] ** 2)
 
-
 @dataclass(frozen=True)
 class Diamond(Separation):
     def between(self, a, b):
         return self.radius - ca.fabs(a.p[0] - b.p[0]) - ca.fabs(a.p[1] - b.p[1])
 
-
 @dataclass
 class Rest:
     def prepare(self, dynamics):
         pass
-
     def input(self, view):
         return np.zeros(2)
-
 
 class Pool:
     @dataclass
     class Float(Rest):
         pass
 
-
 @dataclass(frozen=True)
 class Offset:
     def value(self, s):
         return s + 0.5
-
 
 @dataclass(frozen=True)
 class Stepped:
     def value(self, s):
         return s + ca.if_else(s > -0.25, 1.0, 0.0) - 1.0
 
-
 @dataclass(frozen=True)
 class Odd:  # CasADi knows it, intervals do not
     def value(self, s):
         return s + ca.fmod(s, 3.0)
-
 
 A_NUMBER = 5
 """

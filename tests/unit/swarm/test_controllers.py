@@ -31,44 +31,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
 @dataclass
 class Held:
     """Keeps a part of its last input: it has a state."""
-
     keep: float = 0.5
-
     def prepare(self, agent):
         self.last = np.zeros(len(agent.dynamics.inputs))
-
     def input(self, view):
         self.last = self.keep * self.last + (1.0 - self.keep) * view.u_nom
         return self.last
-
 
 @dataclass
 class Long(Held):
     def input(self, view):
         return np.zeros(3)
 
-
 @dataclass
 class Choosy(Held):
     def prepare(self, agent):
         raise ValueError("it wants three inputs")
-
 
 @dataclass
 class Unready(Held):
     def prepare(self, agent):
         self.gain = agent.gain
 
-
 @dataclass
 class Mute:
     def prepare(self, agent):
         pass
-
 
 @dataclass
 class Late(Held):
@@ -77,22 +68,18 @@ class Late(Held):
             return None
         return view.u_nom
 
-
 @dataclass
 class Endless(Held):
     def input(self, view):
         while True:
             time.sleep(0.001)
 
-
 @dataclass
 class Looking(Held):
     """Writes down what it sees."""
-
     def input(self, view):
         seen.append((view, view.certified(view.u_nom)))
         return view.u_nom
-
 
 @dataclass
 class Noting(Held):
@@ -104,24 +91,20 @@ class Noting(Held):
             view.note(late=1)
         return view.u_nom
 
-
 @dataclass
 class Unbounded(Held):
     def input(self, view):
         view.note(gap=float("nan"))
-
 
 @dataclass
 class Chatty(Held):
     def input(self, view):
         view.note(**{f"n{k}": k for k in range(33)})
 
-
 @dataclass
 class LongWinded(Held):
     def input(self, view):
         view.note(**{"n" * 41: 0.0})
-
 
 seen = []
 '''
@@ -132,7 +115,7 @@ MISTAKES = {
     "Unbounded": "got ValueError: note: expected a finite number, got gap = nan (keeping.py",
     "Chatty": "got ValueError: note: expected at most 32, got 33 (keeping.py",
     "LongWinded": "got ValueError: note: expected at most 40 ASCII letters, got nnn",
-    "Mute": "Mute (keeping.py, line 41) lacks input(self, view)",
+    "Mute": "Mute (keeping.py, line 33) lacks input(self, view)",
     "Endless": "got an endless loop, or too slow (keeping.py",
 }
 

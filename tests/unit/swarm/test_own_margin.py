@@ -16,11 +16,9 @@ import casadi as ca
 
 from phalanx.extend import LocalMargin, PairRow
 
-
 @dataclass(frozen=True)
 class Reserve:
     speed: float
-
     def at_sample(self, row: PairRow):
         steepness = ca.norm_2(row.chain.actuation[row.own])
         return row.share * row.horizon * self.speed * steepness + row.bounds[1 - row.own]

@@ -16,19 +16,16 @@ import casadi as ca
 
 from phalanx.extend import SingleIntegrator
 
-
 @dataclass(frozen=True)
 class Tiring(SingleIntegrator):
     def input_polytope(self, x):
         A, b = super().input_polytope(x)
         return A, b / (1 + x[0] ** 2)
 
-
 @dataclass(frozen=True)
 class Touchy:
     def between(self, a, b):
         return 1 - ca.log(ca.sumsqr(a.p - b.p) - 1)
-
     def to_obstacle(self, a, obstacle):
         return obstacle.clearance - ca.norm_2(a.p - obstacle.center)
 """
