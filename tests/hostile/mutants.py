@@ -230,7 +230,6 @@ MUTANTS = (
            "lasting = row.horizon / 3.0", _TEST_MARGIN),
     Mutant("what actuators take beyond U", _INTEGRATED, "* bound.bend + outside", "* bound.bend",
            _TEST_MARGIN),
-    Mutant("another seed", _VERIFY, "{} if seed is None else", "{} if True else", _TEST_VERIFY),
     Mutant("a broken run used again", _COORDINATOR,
            "newest == identity and outcome != BROKEN", "newest == identity", _TEST_COORDINATOR),
     Mutant("rows of other modules", _COORDINATOR, "newest == identity and",

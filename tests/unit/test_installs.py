@@ -1,4 +1,4 @@
-"""What is installed: the tested versions, pinned by hashes; and from where, without any index."""
+"""Installed libraries: the tested versions, pinned by hashes; and from where, without any index."""
 
 import re
 import tomllib
