@@ -289,7 +289,7 @@ class Incoming:
 
     __slots__ = ("arrived", "decided", "every", "link", "newest", "since")
 
-    def __init__(self, every: int = 1) -> None:
+    def __init__(self, every: int) -> None:
         """every: samples from one of its broadcasts to the next."""
         self.every = every
         self.link: Link | None = None

@@ -61,16 +61,21 @@ class Forks:
         """Answer requests by pytest's status; return none in a fork, where pytest goes on."""
         items, functions = {item.nodeid: item for item in session.items}, _living_functions()
         while True:
-            tests, limit, change = self._requests.recv()
+            try:
+                tests, limit, change = self._requests.recv()
+            except EOFError:
+                os._exit(0)
             if not (process := os.fork()):
                 break
-            has_ended = wait([watched := os.pidfd_open(process)], limit)
+            watched = os.pidfd_open(process)
+            # A pipe that is closed ends the fork with the process that asked for it.
+            has_ended = watched in wait([watched, self._requests], limit)
             os.close(watched)
             with suppress(ProcessLookupError):
                 os.killpg(process, signal.SIGKILL)
             status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
             self._requests.send(status if has_ended else None)
-        os.setsid()
+        os.setpgid(0, 0)
         shutil.rmtree(tempfile.gettempdir())
         os.mkdir(tempfile.gettempdir())
         if change and not in_place(functions, *change):
@@ -132,13 +137,15 @@ def running(
     try:
         yield process, ours
     finally:
+        ours.close()
+        process.join(1.0)
         with suppress(ProcessLookupError):
             os.killpg(process.pid or 0, signal.SIGKILL)
         process.join()
 
 
 def _test(copy: Path, tests: str, plugin: type, *arguments: object) -> None:
-    os.setsid()
+    os.setpgid(0, 0)
     for kind, most in _LIMITS.items():
         resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
     with copy.with_suffix(".log").open("wb") as log, open(os.devnull, "rb") as none:

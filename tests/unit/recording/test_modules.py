@@ -85,8 +85,18 @@ def test_modules_that_may_not_be_recorded_are_left_out_and_the_log_says_so(
     assert words in recording.log[0].text
 
 
+def test_one_whose_scenario_needs_code_says_what_it_brought(tmp_path):
+    scenario = to_json(load("one-on-one")).replace('"pursue"', '"far:Mine"')
+    path = recording_with(tmp_path, {"far.py": HARMLESS}, scenario=scenario)
+    with pytest.raises(UnreadableRecordingError, match=r"\(recorded with it: far\.py\)$"):
+        read(path)
+
+
 def recording_with(
-    folder: Path, modules: dict[str, bytes], hashes: dict[str, str] | None = None
+    folder: Path,
+    modules: dict[str, bytes],
+    hashes: dict[str, str] | None = None,
+    scenario: str = "",
 ) -> Path:
     """Make a recording with these modules, as an attacker might."""
     path = folder / RECORDING
@@ -97,8 +107,8 @@ def recording_with(
         writer.add_metadata(MODULES, right if hashes is None else hashes)
         for name, source in modules.items():
             writer.add_attachment(0, 0, name, MEDIA_TYPE, source)
-        scenario = to_json(load("one-on-one")).encode()
-        writer.add_attachment(0, 0, "scenario.json", "application/json", scenario)
+        content = (scenario or to_json(load("one-on-one"))).encode()
+        writer.add_attachment(0, 0, "scenario.json", "application/json", content)
         writer.finish()
     return path
 

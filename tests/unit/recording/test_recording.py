@@ -397,6 +397,9 @@ def most_memory() -> int:
 def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_path, honest):
     found = reread(tmp_path, Whole(bomb(whole, 2**22, 300, honest=honest)))
     assert "more than a recording holds" in found.damage
+    small = write(tmp_path / RECORDING, GOOD).read_bytes()
+    found = reread(tmp_path, Whole(bomb(small, 2**22, 3, honest=honest)))
+    assert "more than a recording holds" not in found.damage, "16 MiB are always allowed"
 
 
 GOOD = Step(
