@@ -116,12 +116,13 @@ class CertificateSummary(msgspec.Struct):
     uncovered_at: float | None = None
     """Time from which it had none [s]."""
 
-    def count(self, proven: float, longest: float) -> None:
-        """Count an input: it is proven safe for one time, and held for at most another [s]."""
-        self.samples += 1
-        self.certified += proven >= longest
-        ratio = proven / longest
-        self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
+    def count(self, proven: Array, longest: Array) -> None:
+        """Count inputs, each proven safe for one time, and held for at most another [s]; (r,)."""
+        if len(proven):
+            self.samples += len(proven)
+            self.certified += int(np.count_nonzero(proven >= longest))
+            ratio = float((proven / longest).min())
+            self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
 
 
 class Convicted(msgspec.Struct):

@@ -18,81 +18,75 @@ _ORIGINS = {origin: number for number, origin in enumerate(Origin)}
 
 
 class States(NamedTuple):
-    """States that the world reached."""
+    """n states that the world reached."""
 
     number: Index
-    """Of each event, shape (n,)."""
     t: Array
-    """[s], shape (n,)"""
+    """[s]"""
     x: Array
     """Stacked states, shape (n, n̄)."""
 
 
 class Samples(NamedTuple):
-    """Samples that agents took."""
+    """Samples that agents i took."""
 
     number: Index
-    """shape (s,)"""
     i: Index
-    """Of its agent, shape (s,)."""
     t: Array
-    """[s], shape (s,)"""
+    """[s]"""
     truthful: Mask
-    """Whether its sensors measured the true state, shape (s,)."""
+    """Whether the sensors measured the true state."""
 
 
 class Inputs(NamedTuple):
-    """Inputs that actuators applied or, if lost, did not; with their agents' reports."""
+    """r inputs that actuators of agents i applied or, if lost, did not; with reports on them."""
 
     number: Index
-    """shape (r,)"""
     i: Index
-    """Of its agent, shape (r,)."""
     k: Index
-    """Of the sample that it answers, shape (r,)."""
+    """Of the sample that it answers."""
     t_sample: Array
-    """[s], shape (r,)"""
+    """[s]"""
     t_apply: Array
-    """When it took effect, or was due [s]; shape (r,)."""
+    """When it took effect, or was due [s]."""
     lost: Mask
-    """shape (r,)"""
     origin: Index
-    """Number of each in the list of Origin, shape (r,)."""
+    """Its place in the list of Origin."""
     u: Array
-    """Native inputs, padded with zeros, shape (r, m)."""
+    """Native inputs, padded with zeros to the widest, shape (r, m)."""
     u_nom: Array
-    """Nominal inputs, padded like them, shape (r, m); NaN where they are unknown."""
+    """Nominal inputs, padded like them; NaN where they are unknown."""
     bindings: Index
-    """Last index of each in `binding`, shape (r,)."""
+    """Where the rows that it is at the bound of end in `binding`."""
     binding: Index
-    """Whose rows each input is at the bound of, one after the other; as in a StepReport."""
+    """These rows, as in a StepReport, of one input after the other."""
 
 
 class Aged(NamedTuple):
-    """Received inputs that rows used."""
+    """Received inputs that agents' rows used."""
 
     row: Index
-    """Of the input that the row made, shape (a,)."""
+    """Of the input that was made of it."""
     sender: Index
-    """shape (a,)"""
     age: Array
-    """[s], shape (a,)"""
+    """[s]"""
 
 
 class Stated(NamedTuple):
-    """Claims of broadcasts that receivers report, and that count."""
+    """c claims of broadcasts that believed receivers report."""
 
     row: Index
-    """Of the input with whose report it came, shape (c,)."""
+    """Of the input with whose report it came."""
+    place: Index
+    """Among the fates in that report."""
     sender: Index
-    """shape (c,)"""
     k: Index
-    """Number of the broadcast, shape (c,)."""
+    """Of the broadcast."""
     t_apply: Array
-    """Claimed [s], shape (c,)."""
+    """Claimed [s]."""
     values: Array
-    """Claimed input and, by radio, state, padded as the inputs are; NaN if their sizes are not the
-    sender's; shape (c, m + n)."""
+    """Claimed input and, by radio, state, padded as inputs are, shape (c, m + n); NaN if their
+    sizes are not the sender's."""
 
 
 class TrueStates(NamedTuple):
@@ -138,7 +132,7 @@ def indices(numbers: Sequence[int]) -> Index:
 
 def inputs_of(
     events: Sequence[tuple[int, int, int, float, float, bool]],
-    u: Sequence[Sequence[float] | Array],
+    u: Sequence[Sequence[float]],
     reports: Sequence[StepReport],
     widths: Index,
 ) -> Inputs:
@@ -151,20 +145,21 @@ def inputs_of(
         widths: m_i of each agent, shape (N,).
     """
     number, i, k, t_sample, t_apply, lost = zip(*events, strict=True) if events else [()] * 6
-    fits = np.arange(widths.max()) < widths[indices(i)][:, None]
-    inputs, wishes = np.zeros(fits.shape), np.full(fits.shape, np.nan)
-    inputs[fits] = list(chain.from_iterable(u))
-    stated = [report.u_nom for report in reports]
-    known = indices([len(u_nom) for u_nom in stated]) == widths[indices(i)]
-    wishes[known], bindings = 0.0, [report.binding for report in reports]
-    wishes[fits & known[:, None]] = list(
-        chain.from_iterable(
-            [w for w, is_known in zip(stated, known.tolist(), strict=True) if is_known]
-        )
-    )
+    fits, widest = widths[indices(i)], int(widths.max())
+    bindings, origins = [r.binding for r in reports], [_ORIGINS[r.origin] for r in reports]
     return Inputs(
         indices(number), indices(i), indices(k), np.array(t_sample), np.array(t_apply),
-        np.array(lost, dtype=bool), indices([_ORIGINS[report.origin] for report in reports]),
-        inputs, wishes, np.cumsum(indices(list(map(len, bindings)))),
-        indices(list(chain.from_iterable(bindings))),
+        np.array(lost, dtype=bool), indices(origins), _padded(u, fits, widest, 0.0),
+        _padded([r.u_nom for r in reports], fits, widest, np.nan),
+        np.cumsum(indices([*map(len, bindings)])), indices([*chain.from_iterable(bindings)]),
     )  # fmt: skip
+
+
+def _padded(rows: Sequence[Sequence[float]], fits: Index, widest: int, unknown: float) -> Array:
+    """Return rows padded with zeros; those that are not as long as they should be are unknown."""
+    fit = np.array([*map(len, rows)], dtype=np.intp) == fits
+    table = np.zeros((len(rows), widest))
+    table[~fit] = unknown
+    known = [row for row, is_known in zip(rows, fit.tolist(), strict=True) if is_known]
+    table[(np.arange(widest) < fits[:, None]) & fit[:, None]] = [*chain.from_iterable(known)]
+    return table

@@ -73,23 +73,17 @@ class Wishes:
         inputs, size = self._inputs[first], self._sizes[first]
         u, wishes = u[:, :size], wishes[:, :size]
         if inputs is None:
-            largest = np.array(
-                [self._grown(*each) for each in zip(i.tolist(), length(u).tolist(), strict=True)]
-            )
+            largest = length(u)
+            for n, agent in enumerate(i.tolist()):
+                largest[n] = self._largest[agent] = max(self._largest[agent], largest[n])
+        elif inputs.box is None:
+            largest = self._largest[i]
+            near = [self._nearest[first].solve(wish, inputs) for wish in wishes]
+            wishes = np.array([u[n] if v is None else v for n, v in enumerate(near)])
         else:
-            largest, solve = self._largest[i], self._nearest[first].solve
-            if inputs.box is None:
-                near = [solve(wish, inputs) for wish in wishes]
-                wishes = np.array([u[n] if v is None else v for n, v in enumerate(near)])
-            else:
-                wishes = inputs.box.nearest(wishes)
+            largest, wishes = self._largest[i], inputs.box.nearest(wishes)
         held: Mask = np.minimum(length(wishes), length(u - wishes)) > _WISHES * largest
         return held
-
-    def _grown(self, i: int, size: float) -> float:
-        """Return the size of agent i's largest input so far, this one among them."""
-        self._largest[i] = max(self._largest[i], size)
-        return float(self._largest[i])
 
 
 class _Sample(NamedTuple):
@@ -186,16 +180,22 @@ class DeadlockWatch:
         begin = samples[0].t
         if t - begin < self._patience:
             return []
-        for_most = np.flatnonzero(held - samples[0].held > 0.5 * (t - begin)).tolist()
-        standing = [self._waits(i) for i in for_most if self._stands(i)]
+        for_most = np.flatnonzero(held - samples[0].held > 0.5 * (t - begin))
+        standing = [self._waits(i) for i in self._standing(for_most)]
         return [new for new in standing if new is not None]
 
-    def _stands(self, i: int) -> bool:
-        """True if agent i, and the distance to the nearest other, have stayed as they were."""
-        positions = np.array([sample.p[i] for sample in self._samples])
-        if length(positions - positions[0]).max() > self._still:
-            return False
+    def _standing(self, agents: Index) -> list[int]:
+        """Return which agents, and the distances to the nearest other, have stayed as they were."""
+        if not len(agents):
+            return []
         everyone = np.array([sample.p for sample in self._samples])
+        moved = length(everyone[:, agents] - everyone[0, agents]).max(axis=0)
+        in_place = agents[moved <= self._still].tolist()
+        return [i for i in in_place if self._has_company(i, everyone)]
+
+    def _has_company(self, i: int, everyone: Array) -> bool:
+        """True if the distance to the nearest other stays; everyone: positions, (s, N, d)."""
+        positions = everyone[:, i]
         distances = length(everyone - positions[:, None])
         distances[:, i] = np.inf
         statics = [o.distances(positions) - o.clearance for o in self._swarm.scenario.obstacles]

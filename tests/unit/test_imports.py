@@ -137,7 +137,7 @@ BUDGET: Mapping[str, int] = {
     "schema": 960,
     "studies": 2130,
     "swarm": 2495,
-    "theory": 9290,
+    "theory": 9300,
     "viewer": 5045,
     "wire": 600,
 }

@@ -1,7 +1,7 @@
 """Compare the inputs that agents broadcast with those that their actuators held, and since when."""
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import NamedTuple
 
 import numpy as np
@@ -28,13 +28,17 @@ class Finding(NamedTuple):
 
 
 TRUE = Finding()
+FalseClaims = defaultdict[int, dict[int, Finding]]
+"""By the row of the input that reports them, and their place in its report."""
 
 
 class _Claim(NamedTuple):
     """A claim that is compared with the truth, or waits for it."""
 
-    since: int
-    """Number of the event from which on the comparison counts."""
+    number: int
+    """Of the event with the report."""
+    at: tuple[int, int]
+    """Its row and place in Stated."""
     receiver: int
     sender: int
     k: int
@@ -44,8 +48,6 @@ class _Claim(NamedTuple):
     """[s]"""
     values: Array
     """As in Stated, shape (w,)."""
-    row: int = -1
-    """Of Stated, if the truth was known when it was reported."""
 
 
 class Claims:
@@ -79,7 +81,7 @@ class Claims:
         self._truth = np.full((len(inputs), 64, 3 + sum(widest)), np.nan)
         """By agent and number k: number of the event, when the input took effect and when it was
         planned to [s], input and state; NaN where there is none."""
-        self._early = list[_Claim]()
+        self._open = list[_Claim]()
         """Claims whose truth is not known yet."""
         self._false: Counter[str] = Counter()
         self._misleading = dict[tuple[int, int, float], int]()
@@ -88,7 +90,7 @@ class Claims:
         self.betrayals: dict[str, float] = {}
         """By agent, the time from which it first held another input than it announced [s]."""
 
-    def add(self, inputs: Inputs, x: TrueStates, stated: Stated) -> dict[int, Finding]:
+    def add(self, inputs: Inputs, x: TrueStates, stated: Stated) -> FalseClaims:
         """Compare claims with the truth: that of these inputs, or of earlier ones.
 
         Where an input reaches its actuator late, its broadcasts are compared once it does.
@@ -99,7 +101,7 @@ class Claims:
             stated: what receivers report.
 
         Returns what was found of false claims that were compared when they were reported, by their
-        row in `stated`.
+        row and place in `stated`.
         """
         states = x.table[x.sampled[:, None], self._states[inputs.i]]
         states[~self.fits[inputs.i, self._widest :]] = 0.0
@@ -109,25 +111,26 @@ class Claims:
         known = truth[:, 0] < number
         true = (truth[:, 1] == stated.t_apply) & (truth[:, 3:] == stated.values).all(axis=1)
         self.truthful.checked += int(np.count_nonzero(known & true))
-        compared, waiting = list[_Claim](), self._early
         for row in np.flatnonzero(~(known & true)).tolist():
-            values = float(inputs.t_sample[stated.row[row]]), float(stated.t_apply[row])
-            claim = _Claim(
-                int(number[row]), int(receiver[row]), int(stated.sender[row]), int(stated.k[row]),
-                *values, stated.values[row], row if known[row] else -1,
-            )  # fmt: skip
-            (compared if known[row] else waiting).append(claim)
-        self._early = []
-        for claim in waiting:
-            (since,) = self._of(np.array([claim.sender]), np.array([claim.k]))[:, 0]
-            late = np.isnan(since)
-            (self._early if late else compared).append(
-                claim if late else claim._replace(since=int(since))
-            )
-        compared.sort(key=lambda claim: claim[0])
-        findings = {claim.row: self._compare(claim) for claim in compared}
-        findings.pop(-1, None)
-        return findings
+            of, place, i, k = (int(column[row]) for column in stated[:4])
+            t, t_apply = float(inputs.t_sample[of]), float(stated.t_apply[row])
+            ends = int(receiver[row]), i, k
+            claim = _Claim(int(number[row]), (of, place), *ends, t, t_apply, stated.values[row])
+            self._open.append(claim)
+        begun = [self._of(np.array([c.sender]), np.array([c.k]))[0, 0] for c in self._open]
+        settled = [
+            (max(since, claim.number), since > claim.number, claim)
+            for since, claim in zip(begun, self._open, strict=True)
+            if since == since  # not NaN
+        ]
+        self._open = [c for since, c in zip(begun, self._open, strict=True) if since != since]
+        false: FalseClaims = defaultdict(dict)
+        for since, is_late, claim in sorted(settled, key=lambda item: item[:2]):
+            finding = self._compare(claim, int(since))
+            if not is_late:
+                row, place = claim.at
+                false[row][place] = finding
+        return false
 
     def misled(self, receiver: Index, sender: Index, t_apply: Array, number: Index) -> Mask:
         """Return whether false broadcasts to receivers had inputs from t_apply on [s], shape (a,).
@@ -159,7 +162,7 @@ class Claims:
         rows[~exists] = np.nan
         return rows
 
-    def _compare(self, claim: _Claim) -> Finding:
+    def _compare(self, claim: _Claim, since: int) -> Finding:
         i, k = claim.sender, claim.k
         planned = self._planned(i, k)
         assert planned is not None
@@ -171,7 +174,7 @@ class Claims:
         name = self._names[i]
         self._false[name] += 1
         heard = claim.receiver, i, round(claim.t_apply, 9)
-        self._misleading.setdefault(heard, claim.since)
+        self._misleading.setdefault(heard, since)
         begin = min(claim.t_apply, held_from)
         self.betrayals[name] = min(begin, self.betrayals.get(name, math.inf))
         counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())

@@ -29,16 +29,9 @@ class Certificates(NamedTuple):
     """For how long the pair is proven safe [s], shape (q,)."""
 
 
-class _Spans(NamedTuple):
-    """For which states each end of a pair's certificate counts."""
-
-    pairs: Index
-    ends: Array
-    """[s]"""
-    first: Index
-    """First state."""
-    stop: Index
-    """The state after the last one."""
+_Spans = tuple[Index, Array, Index, Index]
+"""Pairs, ends of their certificates [s], and for which states each counts: the first, and the one
+after the last."""
 
 
 class Coverage:
@@ -114,9 +107,9 @@ class Coverage:
         self._check(states.t, spans)
         shortest = np.full(len(inputs.i), np.inf)
         np.minimum.at(shortest, issued.inputs, issued.seconds)
-        shortest[inputs.lost | self._adversary[inputs.i]] = np.nan
-        self._count(shortest, self._tau[inputs.i])
-        return shortest
+        none = inputs.lost | self._adversary[inputs.i]
+        self.summary.count(shortest[~none], self._tau[inputs.i[~none]])
+        return np.where(none, np.nan, shortest)
 
     def turned(self, i: int, excluded: Index) -> None:
         """Require no certificate of these pairs any more, as agent i became an adversary."""
@@ -143,21 +136,21 @@ class Coverage:
         stop[pairs[::-1]] = first[::-1]  # of several rows the last one written counts
         follows = np.flatnonzero(pairs[1:] == pairs[:-1])
         stop[len(self.ends) + follows] = first[follows + 1]
-        spans = _Spans(
+        spans = (
             np.concatenate([every, pairs]),
             np.concatenate([self.ends, ends]),
             np.concatenate([np.zeros_like(every), first]),
             stop,
         )
-        self._until[sides], self.ends = until, self.ends.copy()
+        self._until[sides] = until
         self.ends[pairs] = ends
         return spans
 
     def _check(self, t: Array, spans: _Spans) -> None:
         """Check that all pairs are certified at each state, at t [s], shape (n,)."""
-        some = spans.first < spans.stop
-        pairs, first, stop = spans.pairs[some], spans.first[some], spans.stop[some]
-        ends = np.where(self._excluded[pairs], np.inf, spans.ends[some])
+        some = spans[2] < spans[3]
+        pairs, first, stop = spans[0][some], spans[2][some], spans[3][some]
+        ends = np.where(self._excluded[pairs], np.inf, spans[1][some])
         np.minimum.at(self.least, pairs, ends - t[stop - 1])
         # From the first state after its end on a pair is uncovered, until it has another.
         begins = np.maximum(first, np.searchsorted(t, ends, side="right"))
@@ -172,13 +165,3 @@ class Coverage:
             pair = min(zip(ends[then].tolist(), pairs[then].tolist(), strict=True))[1]
             self.summary.uncovered = self._composed.label(self._composed.pairs[pair])
             self.summary.uncovered_at = max(0.0, min(ends[then].tolist()))
-
-    def _count(self, proven: Array, tau: Array) -> None:
-        """Count inputs that are held for at most τ [s], by their certified times [s]; NaN: none."""
-        counted = ~np.isnan(proven)
-        proven, tau, summary = proven[counted], tau[counted], self.summary
-        summary.samples += len(proven)
-        summary.certified += int(np.count_nonzero(proven >= tau))
-        if len(proven):
-            before = np.inf if summary.shortest is None else summary.shortest
-            summary.shortest = min(before, float((proven / tau).min()))

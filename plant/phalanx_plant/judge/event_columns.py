@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.messages.kinds import Telemetry
-from phalanx.network.inbox import DeliveryReport
 from phalanx.recording.columns import Aged, Inputs, Samples, Stated, States, indices, inputs_of
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Index, joined
 from phalanx_plant.judge.claims import Claims
 from phalanx_plant.world.events import Event, InputApplied, InputLost, Sampled, StateReached
 
@@ -23,8 +22,6 @@ class Columns(NamedTuple):
     inputs: Inputs
     aged: Aged
     stated: Stated
-    fates: list[tuple[int, int]]
-    """Of each claim in `stated`, the row of its input, and which of the fates reported it is."""
 
 
 class EventColumns:
@@ -42,66 +39,55 @@ class EventColumns:
 
     def of(self, events: Sequence[Event]) -> Columns:
         """Return the columns of the next events. Raises ValueError if an input has no report."""
-        begin, self._number = self._number, self._number + len(events)
-        reached, sampled = list[tuple[int, float, Array]](), list[tuple[int, int, float, bool]]()
-        inputs, u = list[tuple[int, int, int, float, float, bool]](), list[list[float]]()
-        reports = list[Telemetry]()
-        for number, event in enumerate(events, begin):
-            match event:
-                case StateReached(t=t, x=x):
-                    reached.append((number, t, x))
-                case Sampled(i=i, t=t, truthful=truthful):
-                    sampled.append((number, i, t, truthful))
-                case InputApplied() | InputLost():
-                    if event.telemetry is None:
-                        raise ValueError(f"expected an input with its report, got {event}")
-                    lost = isinstance(event, InputLost)
-                    due = event.t_due if isinstance(event, InputLost) else event.t_apply
-                    inputs.append((number, event.i, event.k, event.t_sample, due, lost))
-                    u.append(event.u.tolist())
-                    reports.append(event.telemetry)
-        numbers, times, x_of = zip(*reached, strict=True) if reached else [()] * 3
-        states = np.concatenate([np.zeros(0), *x_of]).reshape(-1, self._states)
-        taken, agents, at, true = zip(*sampled, strict=True) if sampled else [()] * 4
+        numbered = list(enumerate(events, self._number))
+        self._number += len(events)
+        reached = [(n, e.t, e.x) for n, e in numbered if type(e) is StateReached]
+        sampled = [(n, e.i, e.t, e.truthful) for n, e in numbered if type(e) is Sampled]
+        answers = [(n, e) for n, e in numbered if type(e) is InputApplied or type(e) is InputLost]
+        reports = [e.telemetry for _, e in answers if e.telemetry]
+        if len(reports) < len(answers):
+            raise ValueError("expected inputs with their reports")
+        inputs = [
+            (n, e.i, e.k, e.t_sample, e.t_apply, False)
+            if isinstance(e, InputApplied)
+            else (n, e.i, e.k, e.t_sample, e.t_due, True)
+            for n, e in answers
+        ]
+        number, t, x = zip(*reached, strict=True) if reached else [()] * 3
+        taken, i, at, true = zip(*sampled, strict=True) if sampled else [()] * 4
+        u = [e.u.tolist() for _, e in answers]
         columns = inputs_of(inputs, u, [report.report for report in reports], self._widths)
-        stated, fates = self._stated(columns.i, reports)
+        states = joined(x, -1, self._states)
         return Columns(
-            States(indices(numbers), np.array(times), states),
-            Samples(indices(taken), indices(agents), np.array(at), np.array(true, dtype=bool)),
+            States(indices(number), np.array(t), states),
+            Samples(indices(taken), indices(i), np.array(at), np.array(true, dtype=bool)),
             columns,
             _aged(reports),
-            stated,
-            fates,
+            self._stated(columns.i, reports),
         )
 
-    def _stated(
-        self, i: Index, reports: Sequence[Telemetry]
-    ) -> tuple[Stated, list[tuple[int, int]]]:
-        rows, fates, places = list[int](), list[DeliveryReport](), list[tuple[int, int]]()
-        for row, believed in enumerate(self._is_believed[i].tolist()):
-            for n, fate in enumerate(reports[row].fates if believed else ()):
-                if fate.claim is not None:
-                    rows.append(row)
-                    fates.append(fate)
-                    places.append((row, n))
-        claims = [fate.claim for fate in fates if fate.claim is not None]
-        sizes, sender = self._claims.sizes, indices([fate.sender for fate in fates])
-        fit = [
-            (len(claim.u), len(claim.x)) == sizes[fate.sender]
-            for claim, fate in zip(claims, fates, strict=True)
+    def _stated(self, i: Index, reports: Sequence[Telemetry]) -> Stated:
+        """Return the claims that believed agents report."""
+        sizes, fits = self._claims.sizes, self._claims.fits
+        claims = [
+            (row, place, fate.sender, fate.k, fate.claim)
+            for row, believed in enumerate(self._is_believed[i].tolist())
+            if believed
+            for place, fate in enumerate(reports[row].fates)
+            if fate.claim is not None
         ]
-        values = np.zeros((len(claims), self._claims.fits.shape[1]))
-        fits = np.array(fit, dtype=bool)
-        values[~fits] = np.nan
-        of = [chain(c.u, c.x) for c, of_size in zip(claims, fit, strict=True) if of_size]
-        values[self._claims.fits[sender] & fits[:, None]] = list(chain.from_iterable(of))
-        t_apply = np.array([claim.t_apply for claim in claims])
-        k = indices([fate.k for fate in fates])
-        return Stated(indices(rows), sender, k, t_apply, values), places
+        rows, places, sender, k, stated = zip(*claims, strict=True) if claims else [()] * 5
+        fit = [(len(c.u), len(c.x)) == sizes[l] for l, c in zip(sender, stated, strict=True)]
+        values, are_whole = np.zeros((len(claims), fits.shape[1])), np.array(fit, dtype=bool)
+        values[~are_whole] = np.nan
+        whole = [(*c.u, *c.x) for c, is_whole in zip(stated, fit, strict=True) if is_whole]
+        values[fits[indices(sender)] & are_whole[:, None]] = list(chain.from_iterable(whole))
+        t_apply = np.array([claim.t_apply for claim in stated])
+        columns = indices(rows), indices(places), indices(sender), indices(k)
+        return Stated(*columns, t_apply, values)
 
 
 def _aged(reports: Sequence[Telemetry]) -> Aged:
-    counts = indices([len(report.ages) for report in reports])
-    pairs = list(chain.from_iterable([report.ages for report in reports]))
-    ages = np.array([age for _, age in pairs])
-    return Aged(np.arange(len(reports)).repeat(counts), indices([l for l, _ in pairs]), ages)
+    ages = [(row, *each) for row, report in enumerate(reports) for each in report.ages]
+    rows, senders, seconds = zip(*ages, strict=True) if ages else [()] * 3
+    return Aged(indices(rows), indices(senders), np.array(seconds))

@@ -24,7 +24,7 @@ from phalanx_plant.world.world import DivergedError
 
 BATCH = 24
 """Most instants judged in one call while agents compute elsewhere, which then wait for it."""
-LARGE_BATCH = 128
+LARGE_BATCH = 512
 """The same where nobody waits: one call for many instants costs least."""
 _LONGEST = 0.1
 """With small batches all events are judged this often, however few there are, for viewers; with

@@ -6,10 +6,10 @@ with these. All that is recorded and shown of an event is in its judgement.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
-from itertools import count, pairwise
+from collections.abc import Mapping, Sequence
+from itertools import chain, pairwise
 from math import isnan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -25,7 +25,6 @@ from phalanx.guarantee.verdict import (
     TrustSummary,
     Violation,
 )
-from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import Conviction, DeliveryReport
 from phalanx.recording.columns import Inputs, TrueStates
 from phalanx.recording.deadlock import DeadlockWatch
@@ -38,7 +37,7 @@ from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.judge.assumptions import Assumptions
-from phalanx_plant.judge.claims import TRUE, Claims, Finding
+from phalanx_plant.judge.claims import TRUE, Claims, FalseClaims, Finding
 from phalanx_plant.judge.coverage import Coverage
 from phalanx_plant.judge.event_columns import Columns, EventColumns
 from phalanx_plant.world.evaluation import EvaluatedSteps, Evaluation
@@ -67,10 +66,35 @@ class Judged(Struct, frozen=True):
     """Of a StateReached: the largest values since the previous one."""
     pair: int = 0
     """Of a StateReached: the pair with a normal agent whose h is largest there."""
-    step: AppliedStep | None = None
-    """Of an InputApplied: its control step."""
-    received: Sequence[tuple[DeliveryReport, Finding]] = ()
-    """Of an input: the broadcasts that its agent reports on, and whether they were true."""
+    certified: float | None = None
+    """Of an InputApplied: for how long all pairs of a normal agent are proven safe from then on."""
+    false: Mapping[int, Finding] | None = None
+    """Of an input: what was found of false broadcasts, by their place in its report."""
+
+    @property
+    def received(self) -> list[tuple[DeliveryReport, Finding]]:
+        """The broadcasts that an input's agent reports on, and whether they were true."""
+        telemetry = getattr(self.event, "telemetry", None)
+        fates = telemetry.fates if telemetry else ()
+        false = self.false or {}
+        return [(fate, false.get(place, TRUE)) for place, fate in enumerate(fates)]
+
+    @property
+    def step(self) -> dict[str, Any]:
+        """The numbers of an applied input's control step, by the names of an AppliedStep.
+
+        Empty of another event, and without a report.
+        """
+        event = self.event
+        if not isinstance(event, InputApplied) or event.telemetry is None:
+            return {}
+        ages = event.telemetry.ages
+        return {
+            **asdict(event.telemetry.report),
+            "u": tuple(event.u.tolist()),
+            "oldest_input": max([age for _, age in ages]) if ages else None,
+            "certified": self.certified,
+        }
 
 
 class _Folded(NamedTuple):
@@ -81,8 +105,7 @@ class _Folded(NamedTuple):
     certified: Array
     """For how long all pairs of each input's agent are proven safe [s], shape (r,); NaN of lost
     inputs and those of adversaries."""
-    findings: dict[tuple[int, int], Finding]
-    """What was found of false claims, by the row of the input and which of its fates it is."""
+    false: FalseClaims
     notices: defaultdict[int, list[Log]]
     """Lines of the log, by the row of the state that shows it."""
     x: TrueStates
@@ -202,27 +225,31 @@ class Judge:
             raise diverged
         self._add_pieces(histories)
         folded = self.fold(self._columns.of(events), evaluated)
-        states, inputs = count(), count()
+        peaks, pairs = folded.extremes.peaks.tolist(), folded.extremes.pairs.tolist()
+        state = row = 0
         for event in events:
-            match event:
-                case StateReached():
-                    judged.append(self._reached(event, next(states), folded))
-                case InputApplied() | InputLost():
-                    judged.append(self._answered(event, next(inputs), folded))
-                case Sampled() if self._promise is not None:
+            if type(event) is StateReached:
+                notices = self._reached(event, folded.notices.get(state, []))
+                judged.append(Judged(event, notices, tuple(peaks[state]), pairs[state]))
+                state += 1
+            elif type(event) is InputApplied or type(event) is InputLost:
+                judged.append(self._answered(event, row, folded))
+                row += 1
+            elif type(event) is Sampled:
+                if self._promise is not None:
                     self._truthful[event.i] = event.truthful
                     self._promise.sampled(event.i, event.t)
-                case CommandApplied():
-                    judged.append(self._command(event))
-                case MemberLost():
-                    judged.append(self._lost_member(event))
+            elif type(event) is CommandApplied:
+                judged.append(self._command(event))
+            elif type(event) is MemberLost:
+                judged.append(self._lost_member(event))
 
     def fold(self, columns: Columns, evaluated: Sequence[EvaluatedSteps]) -> _Folded:
         """Judge events by their columns, and the steps that led to their states.
 
         No command is among them, and no agent is lost or comes back.
         """
-        states, samples, inputs, aged, stated, fates = columns
+        states, samples, inputs, aged, stated = columns
         extremes = self._moved(evaluated, len(states.t))
         x = self.assumptions.true_states(states, samples, inputs)
         issued = self.coverage.proven(inputs, x.table[x.now])
@@ -236,8 +263,7 @@ class Judge:
             notices[row].append(self._crossed(crossing))
         for row, deadlock in self._watch.add(states, inputs):
             notices[row].append(Log(float(states.t[row]), deadlock))
-        of_fates = {fates[row]: finding for row, finding in findings.items()}
-        return _Folded(extremes, certified, of_fates, notices, x)
+        return _Folded(extremes, certified, findings, notices, x)
 
     def _count_origins(self, inputs: Inputs) -> None:
         self._steps += int(np.count_nonzero(~inputs.lost))
@@ -255,7 +281,7 @@ class Judge:
         self._add_pieces([start.history])
         extremes = self._moved(evaluated, 1)
         self._at_start = [self._crossed(crossing) for _, crossing in extremes.crossings]
-        return Judged(start, peak=extremes.peak(0), pair=int(extremes.pairs[0]))
+        return Judged(start, (), extremes.peak(0), int(extremes.pairs[0]))
 
     def _moved(self, evaluated: Sequence[EvaluatedSteps], states: int) -> Extremes:
         for steps in evaluated:
@@ -304,18 +330,17 @@ class Judge:
         pair = self.extremes.label(crossing.pair)
         return Log(crossing.t, self.extremes.in_words(crossing), level, pair)
 
-    def _reached(self, event: StateReached, row: int, folded: _Folded) -> Judged:
-        self._t, extremes = event.t, folded.extremes
-        notices = [
+    def _reached(self, event: StateReached, notices: list[Log]) -> list[Log]:
+        """Return what is said of a state, in the order of time."""
+        self._t = event.t
+        said = [
             Log(piece.t, piece.text, Level.WARNING)
             for piece in event.history
             if type(piece) is WorldNote
         ]
-        if self._at_start or row in folded.notices:
-            notices += self._at_start + folded.notices[row]
-            self._at_start = []
-        notices.sort(key=lambda line: line.t)
-        return Judged(event, notices, peak=extremes.peak(row), pair=int(extremes.pairs[row]))
+        said += self._at_start + notices
+        self._at_start = []
+        return sorted(said, key=lambda line: line.t) if said else said
 
     def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
@@ -357,20 +382,18 @@ class Judge:
 
     def _answered(self, event: InputApplied | InputLost, row: int, folded: _Folded) -> Judged:
         """Judge an input by its agent's report, and warn of what happened for the first time."""
-        i, t, telemetry, x = event.i, event.t_sample, event.telemetry, folded.x
+        i, t, telemetry, notices = event.i, event.t_sample, event.telemetry, list[Log]()
         assert telemetry is not None
         self._rejected[i] = telemetry.rejected
-        received, notices = [(fate, TRUE) for fate in telemetry.fates], list[Log]()
-        for n, fate in enumerate(telemetry.fates):
-            for fault in fate.faults:
-                self.claims.faults[fault] += 1
-            if folded.findings and (finding := folded.findings.get((row, n))) is not None:
-                received[n] = fate, finding
-                sender = self._names[fate.sender]
-                notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        self.claims.faults.update(chain.from_iterable([fate.faults for fate in telemetry.fates]))
+        false = folded.false.get(row)
+        for place in sorted(false or ()):
+            sender = self._names[telemetry.fates[place].sender]
+            notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         if self._knowledge is not None and i in self._with_radio:
             late = isinstance(event, InputLost) or event.t_apply > t
-            self._knowledge.sampled(i, t, x.at_sample(row), telemetry, late, self._turned)
+            x = folded.x.at_sample(row)
+            self._knowledge.sampled(i, t, x, telemetry, late, self._turned)
         for conviction in telemetry.convictions:
             # An adversary may accuse whom it likes.
             if i in self._swarm.normal and i not in self._turned:
@@ -379,19 +402,14 @@ class Judge:
             if self._promise is not None:
                 self._promise.lost(i, event.t_due)
             notices += self._warn_once(event.t_due, f"agent {self._names[i]}: first input lost")
-            return Judged(event, notices, received=received)
+            return Judged(event, notices, false=false)
         if self._promise is not None:
-            self._promise.applied(event, x.at_sample(row), self._truthful[i])
+            self._promise.applied(event, folded.x.at_sample(row), self._truthful[i])
         if telemetry.report.origin == Origin.BACKUP:
             notices += self._warn_once(event.t_apply, f"agent {self._names[i]}: first backup")
         certified = float(folded.certified[row])
-        step = AppliedStep(
-            u=tuple(event.u.tolist()),
-            oldest_input=max([age for _, age in ages]) if (ages := telemetry.ages) else None,
-            certified=None if isnan(certified) else certified,
-            **asdict(telemetry.report),
-        )
-        return Judged(event, notices, step=step, received=received)
+        proven = None if isnan(certified) else certified
+        return Judged(event, notices, certified=proven, false=false)
 
     def _lost_member(self, event: MemberLost) -> Judged:
         name = self._names[event.i]

@@ -98,8 +98,9 @@ class Publisher:
                 self._peak, self._pair = judged.peak, judged.pair
             case CommandApplied():
                 self._faults.apply(event.command)
-            case InputApplied() if judged.step is not None:
-                self._applied(event.i, judged.step, [fate for fate, _ in judged.received])
+            case InputApplied() if numbers := judged.step:
+                fates = [fate for fate, _ in judged.received]
+                self._applied(event.i, AppliedStep(**numbers), fates)
 
     def _applied(self, i: int, step: AppliedStep, fates: list[DeliveryReport]) -> None:
         """Update agent i's status, and the links on which it received the broadcasts in `fates`."""

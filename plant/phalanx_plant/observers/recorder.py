@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from msgspec.structs import asdict
 
 from phalanx.messages.kinds import Sample, Telemetry
-from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import DeliveryReport
 from phalanx.recording.records import State, Step, StepData
 from phalanx.swarm.swarm import Swarm
@@ -85,13 +83,13 @@ class Recorder:
                 case InputApplied() | InputLost():
                     self._received[event.i] += judged.received
             records += judged.notices
-            if isinstance(event, InputApplied) and event.telemetry and judged.step:
-                records.append(self._step(event, judged.step, event.telemetry))
+            if isinstance(event, InputApplied) and event.telemetry:
+                records.append(self._step(judged, event, event.telemetry))
                 if event.answers is not None:
                     records.append(self._step_data(event.i, event.answers, event.telemetry))
         self._recording.write(*records)
 
-    def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
+    def _step(self, judged: Judged, event: InputApplied, telemetry: Telemetry) -> Step:
         names = self._names
         received, self._received[event.i] = self._received[event.i], []
         return Step(
@@ -117,7 +115,7 @@ class Recorder:
                 if finding.false and fate.claim is not None and fate.claim.x
             ],
             notes=dict(telemetry.notes),
-            **asdict(step),
+            **judged.step,
         )
 
     def _step_data(self, i: int, sample: Sample, telemetry: Telemetry) -> StepData:

@@ -77,10 +77,11 @@ class Evaluation:
         if not numbered:
             return
         segments = [p for _, p in numbered]
-        counts = [p.x.shape[0] for p in segments]
-        steps = np.array([(k, p.t, p.dt) for k, p in numbered]).repeat(counts, axis=0)
-        ordinals = np.array([n for count in counts for n in range(1, count + 1)])
-        numbers, times = steps[:, 0].astype(np.intp), steps[:, 1] + steps[:, 2] * ordinals
+        counts = np.array([p.x.shape[0] for p in segments])
+        numbers = np.array([k for k, _ in numbered], dtype=np.intp).repeat(counts)
+        ordinals = 1 + np.arange(counts.sum()) - (np.cumsum(counts) - counts).repeat(counts)
+        begins, dt = np.array([p.t for p in segments]), np.array([p.dt for p in segments])
+        times = begins.repeat(counts) + dt.repeat(counts) * ordinals
         x = np.concatenate([p.x for p in segments])
         positions = np.concatenate([p.p for p in segments])
         resolved = self._resolution.resolved(segments, self._roundings.rates(times, x))

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.swarm.swarm import DEFECT, Swarm
-from phalanx.theory.arrays import Array, Index, Mask
+from phalanx.theory.arrays import Array, Index, Mask, joined
 from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
@@ -54,11 +54,16 @@ class Resolution:
 
     def defect(self, segments: Sequence[Segment]) -> float:
         """Bound the defect of all steps of these segments [1/s]; inf or nan if there is none."""
-        x = np.concatenate([*[p.x for p in segments], [p.start for p in segments]])
-        u, phi, slope = map(np.array, zip(*[(p.u, p.phi, p.slope) for p in segments], strict=True))
-        dt, steps = np.array([(p.dt, p.x.shape[0]) for p in segments]).T
+        x = np.concatenate([p.x for p in segments])
+        names = "start", "u", "phi", "slope"
+        start, u, phi, slope = (
+            joined([getattr(p, name) for p in segments], len(segments), -1) for name in names
+        )
+        dt = np.array([p.dt for p in segments])
+        steps = np.array([p.x.shape[0] for p in segments], dtype=float)
         phi = np.concatenate([phi, phi + (steps * dt)[:, None] * slope])
-        ranges, bounds = list(map(_range, (x, u, phi, slope))), list[float]()
+        values, bounds = (np.concatenate([x, start]), u, phi, slope), list[float]()
+        ranges = list(map(_range, values))
         for largest, (_, _, states, inputs) in self._groups:
             indices = states, inputs, states, states
             row = np.concatenate([*map(_over, ranges, indices), [dt.max()]])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from phalanx_plant.judge.claims import TRUE, Claims, Finding
+from phalanx_plant.judge.claims import TRUE, Claims, FalseClaims, Finding
 from phalanx_plant.judge.event_columns import EventColumns
 from phalanx_plant.world.events import InputApplied, InputLost
 
@@ -35,12 +35,12 @@ class Told(Claims):
     def check(self, receiver: int, fate: DeliveryReport, t: float) -> Finding:
         """Return what is found of a broadcast that an agent reports with its next input."""
         self._ks[receiver] += 1
-        return self._happen(receiver, self._ks[receiver], t, t, (0.0, 0.0), fate).get(0, TRUE)
+        return self._happen(receiver, self._ks[receiver], t, t, (0.0, 0.0), fate).get(0, {}).get(0, TRUE)
 
     def _happen(
         self, i: int, k: int, t: float, held_from: float, u: tuple[float, ...],
         *fates: DeliveryReport,
-    ) -> dict[int, Finding]:  # fmt: skip
+    ) -> FalseClaims:  # fmt: skip
         kind = InputLost if held_from == math.inf else InputApplied
         event = kind(i, k, t, t if kind is InputLost else held_from, np.array(u))
         columns = self._columns.of([replace(event, telemetry=report(k, fates=fates))])

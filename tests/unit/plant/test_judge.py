@@ -131,7 +131,7 @@ def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is(
         fates = (DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.0, (speed, 0.0))),)
         judged.append(apply(judge, i, t=0.005, ages=((1, 0.005), (3, 0.001)), fates=fates))
     assert texts(*judged) == ["agent 2: first false broadcast"]
-    assert [each.step.oldest_input for each in judged] == [None, 0.005, 0.005, 0.005]
+    assert [each.step["oldest_input"] for each in judged] == [None, 0.005, 0.005, 0.005]
     assert counted(judge, "received inputs in force") == (5, 6, 0.005)
     assert counted(judge, "truthful broadcasts") == (2, 3, 0.005)
 
