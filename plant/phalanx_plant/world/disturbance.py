@@ -74,6 +74,8 @@ class AdverseDisturbance:
 
     def _push(self, x: Array) -> Array:
         gradient = self._gradient(x)[self._part]
+        # Far from all others its squares would underflow. A power of two changes no other bits.
+        gradient = np.ldexp(gradient, -math.frexp(float(np.abs(gradient).max()))[1])
         size = float(length(gradient))
         push: Array = self._bound / size * gradient if size > 0.0 else 0.0 * gradient
         return push

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from phalanx_plant.world.disturbance import RandomDisturbance, SwarmDisturbance
+from phalanx_plant.world.disturbance import AdverseDisturbance, RandomDisturbance, SwarmDisturbance
 
 from phalanx.scenario.agents import Disturbance
 from tests.unit.swarms import rows_of_scenario
@@ -71,6 +71,13 @@ def test_an_adverse_disturbance_pushes_along_the_gradient_of_the_last_psi_before
         if i not in swarm.normal:
             push = 0.4899 * expected[part] / np.linalg.norm(expected[part])
             assert pushed[part] == pytest.approx(push, rel=1e-10, abs=1e-14)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-162, 1e-320])
+def test_an_adverse_disturbance_has_its_bound_however_small_the_gradient_is(size):
+    adverse = Disturbance(bound=0.2, kind="adverse")
+    push = AdverseDisturbance(lambda x: size * x, slice(0, 3), adverse)
+    assert np.linalg.norm(push.line(0.0, np.array([1.0, -2.0, 0.5])).value) == pytest.approx(0.2)
 
 
 def test_an_adverse_disturbance_goes_on_from_where_it_was_though_the_gradient_has_changed():
