@@ -14,7 +14,8 @@ import numpy as np
 from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.promise.capsules import Capsules, joined
 from phalanx.promise.reach import Reach
-from phalanx.swarm.committed import committed_point, reach_of
+from phalanx.swarm.committed import committed_point, flights_of, reach_of
+from phalanx.swarm.flight import keeper
 from phalanx.swarm.keep import Keeper, Refusal, refusals_of
 from phalanx.swarm.points import MovedByVelocity
 from phalanx.swarm.swarm import DEFECT, Swarm
@@ -79,20 +80,23 @@ def grades(swarm: Swarm) -> Grades:
             refusals=tuple(dict.fromkeys(map(str, refusals.values()))),
             leaving=_no_exit(swarm, next(iter(refusals))),
         )
-    keepers = {i: Keeper(swarm, i) for i in swarm.normal}
+    keepers = {i: keeper(swarm, i) for i in swarm.normal}
     distances, passive, to_obstacles = _Spare(), _Spare(), _Spare()
     everyone = np.arange(len(swarm.members))
-    tubes = {i: keeper.tube(x, _nothing(swarm, i)) for i, keeper in keepers.items()}
-    for i, keeper in keepers.items():
-        room = keeper.room(x, everyone, _nothing(swarm, i))
-        exits = swarm.safety.exit_velocity is not None
-        others = [l for l in everyone.tolist() if l != i and not (exits and l in keeper.peers)]
+    tubes = {
+        i: rule.tube(x, _nothing(swarm, i))
+        for i, rule in keepers.items()
+        if isinstance(rule, Keeper)
+    }
+    for i, rule in keepers.items():
+        room, exits = rule.room(x, everyone, _nothing(swarm, i)), swarm.safety.leaves
+        others = [l for l in everyone.tolist() if l != i and not (exits and l in rule.peers)]
         passive |= {(i, l): gap for l, gap in zip(others, room.members.tolist(), strict=True)}
         to_obstacles |= {(i, k): gap for k, gap in enumerate(room.obstacles.tolist())}
-        later = {l: tubes[l] for l in keeper.peers if l > i}
+        later = {l: tubes[l] for l in rule.peers if l > i}
         if later:
             for l, gap in _gaps(tubes[i], later).items():
-                distances[i, l] = gap - keeper.radius
+                distances[i, l] = gap - rule.radius
     return _graded(swarm, distances, passive, to_obstacles)
 
 
@@ -109,12 +113,12 @@ def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spa
             spare, grade = distances[a, b], for_ever
         else:
             spare = min(passive[side] for side in of_agents)
-            grade = passively if swarm.safety.exit_velocity is None else for_ever
+            grade = for_ever if swarm.safety.leaves else passively
         if spare >= 0.0:
             grade.append(label)
         else:
             short[label] = _reason(swarm, b, spare)
-    stopping = swarm.safety.exit_velocity is None
+    stopping = not swarm.safety.leaves
     sides = frozenset(side for side, spare in passive.items() if spare >= 0.0 and stopping)
     return Grades(tuple(for_ever), tuple(passively), short, sides=sides)
 
@@ -155,7 +159,10 @@ def _reason(swarm: Swarm, l: int, spare: float) -> str:
         return f"{-spare:.3g} m nearer than it may start"
     speed = reach_of(swarm, l).for_ever(swarm.start()[swarm.safe_set.parts[l]])[1]
     name, velocity = swarm.names[l], swarm.safety.exit_velocity
-    return f"{name} makes {speed:.3g} m/s, the exit {math.hypot(*velocity or ()):.3g}"
+    if velocity is None:
+        flights = flights_of(swarm, swarm.normal[0])
+        return f"{name} makes {speed:.3g} m/s, a flight {flights.speed - flights.drift:.3g}"
+    return f"{name} makes {speed:.3g} m/s, the exit {math.hypot(*velocity):.3g}"
 
 
 def _gaps(tube: Capsules, others: Mapping[int, Capsules]) -> dict[int, float]:

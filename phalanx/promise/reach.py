@@ -10,7 +10,8 @@ from phalanx.promise.capsules import Capsules, balls
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Bounded
-from phalanx.theory.models.integrators import DoubleIntegrator
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.wheeled import DifferentialDrive, Unicycle
 
 
 class Reach(NamedTuple):
@@ -39,10 +40,13 @@ class Reach(NamedTuple):
     def for_ever(self, x: Array) -> tuple[float, float]:
         """Return bounds on its way from p at the state x: an offset [m], and a speed [m/s].
 
-        With drag a faster one comes down to U / β; without it, speeds have no bound.
+        With drag a faster one comes down to U / β; without it, speeds have no bound, nor are those
+        of other dynamics whose inputs are no velocities known.
         """
         if isinstance(self.dynamics, DoubleIntegrator):
             return self._with_drag(x)
+        if not isinstance(self.dynamics, SingleIntegrator | Unicycle | DifferentialDrive):
+            return 0.0, inf
         return 0.0, self.dynamics.travel(x, 1.0, self.disturbance)
 
     def _with_drag(self, x: Array) -> tuple[float, float]:

@@ -54,7 +54,7 @@ class Exit(Strict):
 
 
 KeepField = Annotated[
-    Annotated[Literal["hold"], Tag(WORD)] | Annotated[Exit, Tag(TABLE)],
+    Annotated[Literal["hold", "flight"], Tag(WORD)] | Annotated[Exit, Tag(TABLE)],
     Discriminator(lambda value: TABLE if isinstance(value, dict | Exit) else WORD),
 ]
 
@@ -100,7 +100,8 @@ class Safety(Strict):
 
     keep: KeepField | None = None
     """The fallback that agents always keep, so that pairs can be promised: hold, to stop and keep a
-    place; or { exit = [vx, vy] }, to move on for ever with one velocity that all share [m/s]."""
+    place; { exit = [vx, vy] }, to move on for ever with one velocity that all share [m/s]; flight,
+    of a lone unicycle, to turn and drive straight on or back for ever."""
 
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()
@@ -183,6 +184,16 @@ class Safety(Strict):
     def exit_velocity(self) -> tuple[float, ...] | None:
         """The velocity with which agents leave as their fallback [m/s]; None if they stop."""
         return self.keep.exit if isinstance(self.keep, Exit) else None
+
+    @property
+    def flees(self) -> bool:
+        """True if the fallback is a lone unicycle's flight."""
+        return self.keep == "flight"
+
+    @property
+    def leaves(self) -> bool:
+        """True if the fallback is to leave: slower ones are then promised for ever."""
+        return self.flees or self.exit_velocity is not None
 
     def build_information(self, unchanged: Mapping[int, float]) -> Information:
         """Build the information model; unchanged: Γ_l - δ_l^max of each normal agent [s]."""

@@ -91,7 +91,7 @@ BY_OPTION: Mapping[str, str] = {
     "agents.radio judged": "phalanx_plant.judge.knowledge:Knowledge",
     "agents.controller certified": "phalanx.guarantee.certificates:certified_for",
     "safety.control": "phalanx_agent.centralised:CentralisedController",
-    "safety.keep": "phalanx.swarm.keep:Keeper",
+    "safety.keep": "phalanx.swarm.flight:keeper",
     "safety.keep judged": "phalanx_plant.judge.promise:PromiseLedger",
     "safety.prove": "phalanx.guarantee.proven_filter:ProvenFilter",
     "safety.watch": "phalanx.swarm.watch:Watch",

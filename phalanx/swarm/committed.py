@@ -12,6 +12,7 @@ import numpy as np
 from phalanx.knowledge.held import halves
 from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.velocity import VelocityMotion
+from phalanx.promise.flight import Flights
 from phalanx.promise.hold import Fallback, hold
 from phalanx.promise.reach import Reach
 from phalanx.swarm.points import AgentPoint, agent_point, built_point
@@ -20,6 +21,7 @@ from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.dynamics import Bounded
 from phalanx.theory.models.polytope import polytope
+from phalanx.theory.models.wheeled import Unicycle
 
 _BISECTIONS = 12
 
@@ -90,6 +92,14 @@ def committed_point(swarm: Swarm, i: int) -> CommittedPoint:
 def fallback_of(swarm: Swarm, i: int) -> Fallback:
     """Return agent i's fallback. Raises ValueError if φ is more than it can hold."""
     return hold(committed_point(swarm, i).motion)
+
+
+def flights_of(swarm: Swarm, i: int) -> Flights:
+    """Return agent i's ways out. Raises ValueError if φ is more than it can turn against."""
+    model, group = swarm.members[i].dynamics, swarm.groups[i]
+    assert isinstance(model, Unicycle)
+    shortest = group.clock.period - group.clock.jitter
+    return Flights(model, group.disturbance.bound + DEFECT, swarm.horizon(i), shortest)
 
 
 def reach_of(swarm: Swarm, l: int) -> Reach:

@@ -19,6 +19,7 @@ from phalanx.swarm.committed import (
     committed_point,
     exit_velocity,
     fallback_of,
+    flights_of,
     largest_bound,
     trusted,
 )
@@ -28,6 +29,7 @@ from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.dynamics import Bounded
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.function import Distance, Separation
 from phalanx.theory.safety.obstacles import Sphere
 
@@ -140,6 +142,16 @@ class Keeper:
         state = x[self._swarm.safe_set.parts[self._i]]
         return self._fallback.tube(*self._point.of_both(state, u))
 
+    @property
+    def longest(self) -> float:
+        """Longest gap that it counts on [s]."""
+        return self._fallback.motion.longest
+
+    @property
+    def shortest(self) -> float:
+        """Shortest gap that it counts on [s]."""
+        return 0.0 if self._fallback.motion.jumps else self._fallback.motion.shortest
+
     def restart(self) -> None:
         """Forget the fallback under way: another process has taken over."""
         self.commitment.reference = None
@@ -163,8 +175,8 @@ def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
     if swarm.scenario.limits:
         what = "expected none: write a wall as an obstacle, which the rule keeps clear of"
         refusals.append(Refusal("limits", what))
-    if (velocity := safety.exit_velocity) is not None:
-        refusals += _of_exit(swarm, i, velocity)
+    if safety.leaves:
+        refusals += _of_leaving(swarm, i)
     kinds = {swarm.group_numbers[l]: l for l in (*reversed(trusted(swarm, i)), i)}
     for l in () if refusals else sorted(kinds.values(), key=lambda l: l != i):
         refusals += _of_agent(swarm, l)
@@ -175,15 +187,21 @@ def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
     return refusals or _blind(swarm, i)
 
 
-def _of_exit(swarm: Swarm, i: int, velocity: tuple[float, ...]) -> list[Refusal]:
-    """Return what is in the way of leaving with one velocity."""
-    axes, refusals = swarm.groups[i].axes, list[Refusal]()
-    if len(velocity) != axes:
+def _of_leaving(swarm: Swarm, i: int) -> list[Refusal]:
+    """Return what is in the way of leaving: with one velocity, or of a lone unicycle's flight."""
+    axes, refusals, dynamics = swarm.groups[i].axes, list[Refusal](), swarm.members[i].dynamics
+    velocity, of_agent = swarm.safety.exit_velocity, f"dynamics of {swarm.names[i]}"
+    if velocity is None:
+        if len(swarm.normal) > 1:
+            what = "expected one: others would have to guess where it flees"
+            refusals.append(Refusal("normal agents", what))
+        if not isinstance(dynamics, Unicycle):
+            refusals.append(Refusal(of_agent, "expected a unicycle; others have hold and exit"))
+    elif len(velocity) != axes:
         refusals.append(Refusal("exit", f"expected {axes} numbers, got {len(velocity)}"))
-    dynamics = swarm.members[i].dynamics
-    if not isinstance(dynamics, SingleIntegrator | DoubleIntegrator):
-        what = "expected a single- or double-integrator: a unicycle has no velocity at any heading"
-        refusals.append(Refusal(f"dynamics of {swarm.names[i]}", what))
+    elif not isinstance(dynamics, SingleIntegrator | DoubleIntegrator):
+        what = "expected a single- or double-integrator; a lone unicycle has keep = 'flight'"
+        refusals.append(Refusal(of_agent, what))
     if not all(isinstance(obstacle, Sphere) for obstacle in swarm.scenario.obstacles):
         refusals.append(Refusal("obstacles", "expected spheres, which an exit can be kept from"))
     if swarm.sensing(i) is not None:
@@ -201,14 +219,21 @@ def _of_agent(swarm: Swarm, l: int) -> list[Refusal]:
     if name in swarm.scenario.programs_by_zenoh():
         return [Refusal(f"protocol of {name}", "expected 'stdio': by Zenoh it keeps no rule")]
     try:
-        fallback_of(swarm, l)
+        flights_of(swarm, l) if swarm.safety.flees else fallback_of(swarm, l)
     except ScenarioError as error:
         return [Refusal(f"dynamics of {name}", f"expected {str(error).partition('expected ')[2]}")]
     except ValueError as error:
-        most = largest_bound(swarm, l)
+        most = _largest_bound(swarm, l)
         enough = f"at most {most:.3g} would do" if most > 0.0 else "none would do"
         return [Refusal(f"disturbance.bound of {name}", f"{error}; {enough}")]
     return []
+
+
+def _largest_bound(swarm: Swarm, l: int) -> float:
+    model = swarm.members[l].dynamics
+    if swarm.safety.flees and isinstance(model, Unicycle):
+        return model.turn_rate
+    return largest_bound(swarm, l)
 
 
 def _blind(swarm: Swarm, i: int) -> list[Refusal]:

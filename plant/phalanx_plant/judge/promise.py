@@ -11,8 +11,7 @@ import numpy as np
 
 from phalanx.guarantee.promise import grades
 from phalanx.guarantee.verdict import BrokenPromise, PromiseSummary, Violation
-from phalanx.knowledge.motion import Motion
-from phalanx.swarm.keep import Keeper
+from phalanx.swarm.flight import keeper
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array, Mask
 from phalanx_plant.world.events import InputApplied
@@ -36,7 +35,7 @@ class PromiseLedger:
         both = [[(a, b) in promised.sides, (b, a) in promised.sides] for a, b in pairs]
         self._aside = np.array(both, dtype=bool).reshape(-1, 2)
         """By pair and side, whether it is promised not to hit the other; shape (p, 2)."""
-        self._keepers = {i: Keeper(swarm, i, true_states=True) for i in swarm.normal}
+        self._keepers = {i: keeper(swarm, i, true_states=True) for i in swarm.normal}
         self._last = dict.fromkeys(swarm.normal, 0.0)
         """By agent, the time of its last sample [s]."""
         self._stands: dict[int, list[tuple[float, bool]]] = {i: [] for i in swarm.normal}
@@ -59,8 +58,8 @@ class PromiseLedger:
         """Check the gap since a normal agent's last sample."""
         if i in self._keepers:
             self._check_gap(i, t)
-            gap, shortest = t - self._last[i], self._motion(i).shortest
-            if 0.0 < gap < shortest - _ROUNDING and not self._motion(i).jumps and self._last[i]:
+            gap, shortest = t - self._last[i], self._keepers[i].shortest
+            if 0.0 < gap < shortest - _ROUNDING and self._last[i]:
                 self._break(i, t, "a sample came early")
             self._last[i] = t
 
@@ -69,17 +68,17 @@ class PromiseLedger:
         i, t = event.i, event.t_sample
         if i in self._turned or i not in self._keepers:
             return
-        keeper = self._keepers[i]
+        rule = self._keepers[i]
         # Whom the agent does not see is too far to matter.
-        answer = keeper(t, x, range(len(self._swarm.members)), event.u)
+        answer = rule(t, x, range(len(self._swarm.members)), event.u)
         if not np.array_equal(answer.u, event.u):
             why = "an input that the rule does not let through"
             self._break(i, t, why if truthful else f"{why}: its sample was false")
         if event.t_apply > t + _ROUNDING:
             self._break(i, t, "an input came late")
         stood = self._stands[i]
-        if not stood or stood[-1][1] != keeper.stands:
-            stood.append((t, keeper.stands))
+        if not stood or stood[-1][1] != rule.stands:
+            stood.append((t, rule.stands))
 
     def lost(self, i: int, t: float) -> None:
         """Record that an input of agent i's never reached its actuator."""
@@ -142,13 +141,10 @@ class PromiseLedger:
         return bool(earlier) and earlier[-1]
 
     def _check_gap(self, i: int, t: float) -> None:
-        due = self._last[i] + self._motion(i).longest
+        due = self._last[i] + self._keepers[i].longest
         if t > due + _ROUNDING:
             silent = i in self._silent
             self._break(i, due, "it fell silent" if silent else "a sample came late")
-
-    def _motion(self, i: int) -> Motion:
-        return self._keepers[i].commitment.fallback.motion
 
     def _break(self, i: int, t: float, why: str) -> None:
         if i not in self._turned:
