@@ -1,12 +1,15 @@
 """A rate is decided early, wrongly no more often than it says, and never by chance."""
 
 import itertools
+import signal
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from phalanx_testing import RateStudy
 from phalanx_testing.rates import decided, runs_to_decide
 
+from phalanx.extend import Array, TrackVelocity, View
 from phalanx.studies.statistics import beta_mixture
 from tests.unit.crossing import CROSSING, UNFILTERED
 from tests.unit.studies.test_statistics import draws, most_misses
@@ -72,6 +75,28 @@ def test_the_share_of_unsafe_runs_is_tested_with_the_same_seeds_each_time():
 def test_unsafe_runs_are_hits():
     with pytest.raises(AssertionError, match="not below"):
         RateStudy(CROSSING, overrides=UNFILTERED).assert_rate_below(0.5)
+
+
+@dataclass
+class Stopping(TrackVelocity):
+    """A law in which Ctrl-C is pressed, or which breaks."""
+
+    breaks: bool = False
+
+    def input(self, view: View) -> Array:
+        if view.t > 0.05:
+            _ = 1 / 0 if self.breaks else signal.raise_signal(signal.SIGINT)
+        return super().input(view)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("breaks", "outcome"), [(False, "stopped"), (True, "broken")])
+def test_a_run_that_was_stopped_or_broke_is_no_run_of_a_rate(breaks, outcome):
+    law = {"agents.0.law": {"type": f"{__name__}:Stopping", "gain": 2.0, "breaks": breaks}}
+    study = RateStudy(CROSSING, seeds=[3], overrides=law)
+    with pytest.raises(AssertionError, match=f"seed 3: the run is {outcome}: "):
+        study.assert_rate_below(0.9)
+    assert study.summaries == {}
 
 
 @pytest.mark.parametrize(("bound", "confidence"), [(5.0, 0.95), (0.0, 0.95), (0.1, 95.0)])

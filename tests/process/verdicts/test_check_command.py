@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-import phalanx
 from phalanx.cli.app import status
+from tests.unit.swarms import checked
 
 
 @pytest.fixture
@@ -107,13 +107,16 @@ def test_table_and_sentence_have_one_number_for_the_margin_needed(check, composi
     assert f"The margin η = {value.removesuffix(' m²/s')} is below the {number} of the" in words
 
 
-def test_what_does_not_hold_stands_out():
-    table = phalanx.check("unicycles").table
-    assert {row.name for row in table if not row.holds} == {
+def test_what_does_not_hold_is_yellow_and_nothing_else(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert status(["check", "unicycles"]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if "\x1b[33m" in line]
+    names = {re.split(r"\s{2,}", line)[0] for line in rows}
+    assert names == {row.name for row in checked("unicycles").table if not row.holds} == {
         "agents with an input in K_i",
         "margin η, by the formula",
         "margin η, as a bound",
         "worst joint condition on ∂S_I",
         "an input is in force for",
         "gaps in the theorem's proof",
-    }
+    }  # fmt: skip
