@@ -95,29 +95,6 @@ def test_the_environment_passes_pettingzoos_own_tests(acting: str) -> None:
 
 
 @pytest.mark.nightly
-def test_an_episode_ends_with_an_unsafe_pair_and_its_rewards_are_the_rise_of_h() -> None:
-    pytest.importorskip("pettingzoo")
-    from examples.pettingzoo_env.swarm_env import SwarmEnv
-
-    starts = [[0.0, 0.0, 0.0], [3.0, 0.0, 3.14], [-9.0, 0.0, 0.0]]
-    first = {"controller": {"type": "none"}, "start": starts, "spread": []}
-    overrides = {"duration": 1.0, **{f"agents.0.{name}": value for name, value in first.items()}}
-    env = SwarmEnv("unicycles", "defenders", every=0.05, overrides=overrides)
-    _, infos = env.reset(seed=1)
-    begun, total, ended = infos["1"]["peak"], 0.0, {}
-    while env.agents:
-        ahead = {name: [4.0, 0.0] for name in env.agents}
-        _, rewards, ended, truncated, infos = env.step(ahead)
-        total += rewards["1"]
-    assert all(ended.values())
-    assert not any(truncated.values())
-    assert infos["1"]["verdict"] == "violated"
-    assert infos["1"]["peak"] > 0.0
-    assert total == pytest.approx(begun - infos["1"]["peak"])
-    assert env.action_space("1").high.tolist() == [4.0, 2.0]
-
-
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "library"), [("orca:Orca", "pyrvo"), ("cbfpy_barriers:CbfPy", "cbfpy")]
 )

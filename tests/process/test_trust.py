@@ -138,22 +138,6 @@ def test_elsewhere_a_recording_without_trust_runs_nothing_and_says_what_it_broug
     assert not (moved / "it-ran").exists()
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    "reader", ["report", "verify", "verify --engine in-process", "certify", "export --csv csv"]
-)
-def test_elsewhere_a_trusted_recording_brings_its_modules(
-    reader: str, moved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(os.environ, "TMPDIR", str(tmp_path))
-    printed = opened(f"{reader} --trust", moved, 0)
-    assert "imported from the recording: far_law.py, far_gain.py" in printed
-    assert ("bit-identical" in printed) == reader.startswith("verify")
-    assert (moved / "it-ran").exists()
-    assert list(tmp_path.glob("phalanx-modules-*")) == []
-    (moved / "it-ran").unlink()
-
-
 def test_a_module_found_here_that_differs_is_not_the_one_that_is_used(moved: Path) -> None:
     other = moved / "far_law.py"
     other.write_text("raise SystemExit('the wrong one')\n")

@@ -27,7 +27,7 @@ from tests.process.runs import HELD, live_run, wait_for
 from tests.process.viewer.pages import chosen, labelled, pixels, served, set_display, viewer
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, WebSocket
+    from playwright.sync_api import Locator
     from playwright.sync_api import Page as Tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.swarm]
@@ -146,35 +146,6 @@ def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
         wait_for(lambda: time_shown(tab) == round(replay.end, 3))
         added = {thread.name for thread in threading.enumerate() if thread not in before}
         assert not any(name.startswith("ThreadPoolExecutor") for name in added)  # viser's own
-
-
-@pytest.mark.nightly
-def test_an_action_for_a_page_that_is_gone_does_not_move_the_next_one(
-    tab: "Tab", finished: Path
-) -> None:
-    sockets: list[WebSocket] = []
-    tab.on("websocket", lambda socket: sockets.append(socket))
-
-    def connected() -> bool:
-        tab.title()  # events come while something is asked for
-        return sum(not socket.is_closed() for socket in sockets) == 2
-
-    with served(open_replay(finished)) as page:
-        port = page.server.get_port()
-        tab.goto(f"http://127.0.0.1:{port}")
-        wait_for(connected)
-        tab.locator("#phx-plots canvas").first.wait_for()
-    wait_for(lambda: not connected())
-    tab.keyboard.press("End")
-    with served(next_one := open_replay(finished), port):
-        wait_for(connected)
-
-        def stepped() -> bool:
-            tab.keyboard.press(".")
-            return next_one.t > 0.0
-
-        wait_for(stepped)
-        assert next_one.t < next_one.end / 2.0
 
 
 @pytest.mark.nightly

@@ -307,16 +307,6 @@ def test_a_whole_run_stays_in_sight_beyond_what_was_known_and_after_the_view_is_
         assert holds(scattered)
 
 
-def test_the_plots_fold_before_they_leave_the_scene_no_room(tab: "Tab", finished: Path) -> None:
-    with served(open_replay(finished)) as page:
-        tab.set_viewport_size({"width": 1024, "height": 768})
-        open_tab(tab, page.server)
-        tab.get_by_role("button", name="plots").wait_for()
-        assert not tab.locator("#phx-plots").is_visible()
-        tab.set_viewport_size({"width": 1440, "height": 900})
-        tab.locator("#phx-plots").wait_for()
-
-
 def test_the_panel_of_a_narrow_page_covers_neither_agents_nor_its_own_end(
     tab: "Tab", finished: Path
 ) -> None:

@@ -6,12 +6,16 @@ import pickle
 import msgspec
 import pytest
 
+import phalanx
 from phalanx.messages.credentials import Admission, Credentials
 from phalanx.messages.frames import worse
 from phalanx.messages.keys import PLANT, SHARED, VIEWER, Keys, kind_and_name, owner
 from phalanx.messages.kinds import VERSION, Actuation, Broadcast, Status
 from phalanx.messages.membership import Membership
-from phalanx.messages.seal import Malformed
+from phalanx.messages.seal import Malformed, Sealer
+from phalanx.messages.traffic import payload_bytes, traffic_in_words
+from phalanx.network.inbox import BroadcastInbox
+from phalanx.swarm.swarm import build_swarm
 
 ROOT = Membership("r", "tcp/127.0.0.1:1", b"hidden", PLANT)
 KEYS = Keys("r")
@@ -89,3 +93,35 @@ def test_another_secret_makes_other_keys(seal_under_other_secret):
 def test_a_key_of_no_run_names_no_program(key):
     assert kind_and_name(key) == ("", "")
     assert owner(key) == SHARED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["radio", "crossing"])
+def test_the_size_is_that_of_the_largest_broadcast_of_a_run(name, monkeypatch):
+    sizes, put = [], BroadcastInbox.put
+
+    def measured(inbox, sender, message, *now):
+        sizes.append(len(Sealer().seal("any", message)))
+        return put(inbox, sender, message, *now)
+
+    monkeypatch.setattr(BroadcastInbox, "put", measured)
+    scenario = phalanx.load(name, {"duration": 1.2, "faults": [], "network.loss": 0.0})
+    phalanx.run(scenario, engine="in-process")
+    most = payload_bytes(build_swarm(scenario), 0)
+    assert most - 20 <= max(sizes) <= most, "numbers of steps take a byte or three"
+
+
+def test_words_name_each_kind_of_broadcast_and_nothing_where_none_is_heard():
+    rogue = {"type": "give-way", "gains": [1.0], "speed": 1.5}
+    of_one = {
+        "radio": {"every": 5, "relays": 1},
+        "goal": [[-6.0, 0.0]],
+        "role": "normal",
+        "law": rogue,
+    }
+    changes = {f"agents.1.{field}": value for field, value in of_one.items()}
+    assert traffic_in_words(build_swarm(phalanx.load("crossing-radio", changes))) == (
+        "4 a second and agent, of at most 409 bytes: 1.64 kB/s; "
+        "4 a second and agent, of at most 213 bytes: 0.852 kB/s"
+    )
+    assert traffic_in_words(build_swarm(phalanx.load("centralised"))) == ""

@@ -9,10 +9,8 @@ from matplotlib.axes import Axes
 
 from phalanx.recording.curves.history import ReportHistory
 from phalanx.recording.read import Recording, read, size_in_words
-from phalanx.report import steps
 from phalanx.report.links import link_statistics, losses
-from phalanx.report.paths import paths
-from phalanx.report.safety import distances, nearest
+from phalanx.report.safety import nearest
 from phalanx.report.write import notes, write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
@@ -62,34 +60,6 @@ def test_the_worst_pair_is_the_one_with_the_largest_h(history: ReportHistory) ->
     assert history.h[history.worst] == history.h.max()
     nearest = int(distance[:, history.worst].argmin())
     assert history.worst_pair == history.swarm.safe_set.pairs[nearest]
-
-
-def test_distances_name_the_closest_few_of_each_kind(history: ReportHistory) -> None:
-    panels = distances(history).axes
-    assert len(panels) == 3
-    for axes in panels:
-        *bands, median, first, second, third, fourth = named(axes)
-        assert bands == ["all: least to largest", "all: 10 to 90 %"]
-        assert median == "all: median"
-        least = [float(label.split()[-2]) for label in (first, second, third, fourth)]
-        assert least == sorted(least)
-        low, high = axes.get_ylim()
-        assert 0.0 < low < 1.0 < high  # what is required is in sight
-
-
-def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
-    above, side = paths(history).axes
-    assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
-    assert named(above)[:2] == ["16 × normal", "3 × adversary"]
-    assert named(above)[2].endswith("of the worst pair")
-    counts = [len(lines.get_segments()) for lines in above.collections]
-    assert counts == [16, 3]
-
-
-def test_inputs_show_how_many_steps_had_an_empty_set(history: ReportHistory) -> None:
-    used, empty = steps.inputs_of_all(history).axes
-    assert len(named(used)) == 7
-    assert named(empty) == ["backup (16 steps)", "no authority (16 steps)"]
 
 
 def test_losses_name_the_links_that_lost_more_than_their_model(crowded: Recording) -> None:

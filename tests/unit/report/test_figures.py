@@ -1,6 +1,5 @@
 """The figures of inputs: their marks, bounds and norm; and what figures keep in memory."""
 
-import dataclasses
 from pathlib import Path
 
 import msgspec
@@ -77,18 +76,6 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
     assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
     bound = [line.get_ydata()[0] for line in norm.lines if line.get_linestyle() == ":"]
     assert bound == [2.0]
-
-
-def test_the_nominal_input_is_drawn_with_the_applied_one_and_does_not_stretch_the_panel(
-    recording: Recording,
-) -> None:
-    u_nom = (9.0, -9.0)
-    changed = [msgspec.structs.replace(step, u_nom=u_nom) for step in recording.steps]
-    far = dataclasses.replace(recording, steps=changed)
-    for axes, nominal in zip(steps.inputs(ReportHistory(far), 0).axes, u_nom, strict=True):
-        curves = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
-        assert [set(np.round(line, 12)) for line in curves] == [{nominal}, {0.1}]
-        assert max(map(abs, axes.get_ylim())) < 9.0
 
 
 def test_psi_1_of_a_pair_that_closes_in_is_drawn_at_each_state() -> None:

@@ -271,27 +271,9 @@ def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"
 
 
-@pytest.mark.nightly
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["unicycles", "formation3d"])
-def test_the_lyapunov_function_takes_agents_to_their_goals(scenario):
-    found = run("clf-cbf", scenario, duration=3.0)
-    far = run("escape", scenario, duration=3.0)
-    error = [each.metrics["tracking_error_final"][-1] for each in (found, far)]
-    assert error[0] < 0.5 * error[1]
-
-
 def test_the_page_has_the_example_that_was_compared():
     page, source = (
         (ROOT / name).read_text(encoding="utf-8")
         for name in ("docs/your-controller.md", "evidence/controllers/shield.py")
     )
     assert source.partition('"""\n\n')[2] in page
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_without_a_filter_two_agents_that_head_for_each_other_collide():
-    with_filter = phalanx.run("one-on-one", engine="in-process")
-    without = run("none", duration=with_filter.scenario.duration)
-    assert without.summary.worst_h > with_filter.summary.worst_h
