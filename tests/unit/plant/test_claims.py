@@ -35,7 +35,8 @@ class Told(Claims):
     def check(self, receiver: int, fate: DeliveryReport, t: float) -> Finding:
         """Return what is found of a broadcast that an agent reports with its next input."""
         self._ks[receiver] += 1
-        return self._happen(receiver, self._ks[receiver], t, t, (0.0, 0.0), fate).get(0, {}).get(0, TRUE)
+        truths = self._happen(receiver, self._ks[receiver], t, t, (0.0, 0.0), fate)
+        return truths.get(0, {}).get(0, TRUE)
 
     def _happen(
         self, i: int, k: int, t: float, held_from: float, u: tuple[float, ...],
