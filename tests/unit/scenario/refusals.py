@@ -18,6 +18,6 @@ def refusal(overrides: Sequence[str] | Mapping[str, object], name: str = "unicyc
     """All that is said of a scenario with these overrides: a line for each mistake."""
     with pytest.raises(ScenarioError) as error:
         load(name, overrides)
-    said = str(error.value)
-    assert all(line.startswith(f"{name}: ") for line in said.splitlines())
-    return said
+    message = str(error.value)
+    assert all(line.startswith(f"{name}: ") for line in message.splitlines())
+    return message

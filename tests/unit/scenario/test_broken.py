@@ -114,16 +114,16 @@ link, for=1, from="9", loss=1.0 | .from: expected an agent's name or '*', one of
 """
 
 
-@pytest.mark.parametrize(("override", "said"), cases(MISTAKES))
-def test_a_mistake_is_refused_with_field_expected_and_got(override, said):
-    assert said in refusal([override])
+@pytest.mark.parametrize(("override", "message"), cases(MISTAKES))
+def test_a_mistake_is_refused_with_field_expected_and_got(override, message):
+    assert message in refusal([override])
 
 
-@pytest.mark.parametrize(("fault", "said"), cases(FAULTS))
-def test_a_mistake_in_a_fault_is_refused_with_its_field(fault, said):
+@pytest.mark.parametrize(("fault", "message"), cases(FAULTS))
+def test_a_mistake_in_a_fault_is_refused_with_its_field(fault, message):
     kind, *fields = fault.split(", ", 1)
     lines = refusal([f'faults=[{{kind="{kind}", {"".join(fields)}}}]'])
-    assert (f"unicycles: faults.0{said}" if said[0] in ".:" else said) in lines
+    assert (f"unicycles: faults.0{message}" if message[0] in ".:" else message) in lines
 
 
 def test_each_of_several_mistakes_has_a_line():
@@ -142,7 +142,7 @@ def test_two_pairs_of_one_name_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("path", "said"),
+    ("path", "message"),
     [
         *((name, f"{name}: expected a value, got nothing") for name in ("name", "duration")),
         *((name, f"{name}: expected a value, got nothing") for name in ("safety", "agents")),
@@ -151,7 +151,7 @@ def test_two_pairs_of_one_name_are_refused():
         ("formation", "agents.0.slots: expected a [formation] that has slots, got (0, 1, 4)"),
     ],
 )
-def test_what_is_lacking_in_a_file_is_named_with_the_file(path: str, said: str, tmp_path: Path):
+def test_what_is_lacking_in_a_file_is_named_with_the_file(path: str, message: str, tmp_path: Path):
     table: Any = read_table("unicycles")
     *above, last = path.split(".")
     inner = table
@@ -161,7 +161,7 @@ def test_what_is_lacking_in_a_file_is_named_with_the_file(path: str, said: str, 
     (file := tmp_path / "broken.toml").write_text(scenario_text(table), "utf-8")
     with pytest.raises(ScenarioError) as error:
         load(file)
-    assert str(error.value) == f"{file}: {said}"
+    assert str(error.value) == f"{file}: {message}"
 
 
 def test_parts_that_do_not_fit_together_are_refused_when_the_swarm_is_built():

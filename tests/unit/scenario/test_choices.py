@@ -92,14 +92,14 @@ MISTAKES = """
 """
 
 
-@pytest.mark.parametrize(("goal", "said"), cases(MISTAKES))
-def test_a_mistaken_goal_is_one_line(goal, said):
+@pytest.mark.parametrize(("goal", "message"), cases(MISTAKES))
+def test_a_mistaken_goal_is_one_line(goal, message):
     lines = refusal([f"agents.0.goal.0={goal}"], "crossing").splitlines()
-    assert any(line.startswith(f"crossing: agents.0.goal.0{said}") for line in lines)
+    assert any(line.startswith(f"crossing: agents.0.goal.0{message}") for line in lines)
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "said"),
+    ("field", "value", "message"),
     [
         ("goal", [1.0, 2.0], "expected a list with one for each agent, such as [[4.0, 2.0]]"),
         ("goal", {"type": "point"}, "expected a list with one for each agent"),
@@ -108,9 +108,9 @@ def test_a_mistaken_goal_is_one_line(goal, said):
         ("law", {"type": "pursue"}, "expected none: the law pursue does not steer by a goal"),
     ],
 )
-def test_goals_that_do_not_fit_their_group_are_one_line(field, value, said):
+def test_goals_that_do_not_fit_their_group_are_one_line(field, value, message):
     (line,) = refusal({f"agents.0.{field}": value}, "crossing").splitlines()
-    assert line.startswith(f"crossing: agents.0.goal: {said}")
+    assert line.startswith(f"crossing: agents.0.goal: {message}")
 
 
 def test_a_goal_survives_being_written_and_read():

@@ -173,11 +173,11 @@ network.delay={low='0.001', high=0.02} | network.delay.low: expected a valid num
 """
 
 
-@pytest.mark.parametrize(("override", "said"), cases(WRONG))
-def test_a_wrong_set_says_what_was_expected_and_got(override, said):
+@pytest.mark.parametrize(("override", "message"), cases(WRONG))
+def test_a_wrong_set_says_what_was_expected_and_got(override, message):
     with pytest.raises(ScenarioError) as error:
         load("unicycles", [override])
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_links_take_the_last_override_that_matches():

@@ -160,9 +160,9 @@ agents.0.dynamics.type=5 | agents.0.dynamics: expected one of unicycle
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize(("override", "said"), cases(BROKEN))
-def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(override, said):
-    assert said in refusal([override], "own.toml")
+@pytest.mark.parametrize(("override", "message"), cases(BROKEN))
+def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(override, message):
+    assert message in refusal([override], "own.toml")
 
 
 @pytest.mark.parametrize(
