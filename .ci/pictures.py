@@ -79,7 +79,8 @@ MAKERS = (
         ("guaranteed",),
     ),
     Maker(
-        "evidence/unknown/hijacks_picture.py FOLDER docs/images/hijacks.png", "hijacks.png",
+        "evidence/unknown/hijacks_picture.py evidence/unknown/rows docs/images/hijacks.png",
+        "hijacks.png",
         ("evidence/unknown/hijacks_picture.py", "evidence/unknown/verdicts.py",
          "evidence/unknown/rows/*/rows.parquet"),
     ),

@@ -22,8 +22,8 @@ SCENARIOS = ("unicycles", "formation3d", "guaranteed", "swarm")
 COMPILED, CERTIFICATES, INTEGRATION, RUN = "compiled", "certificates", "integration", "run"
 PARTS: dict[str, list[tuple[type, str]]] = {
     COMPILED: [(Coverage, "__init__"), (Resolution, "__init__")],
-    CERTIFICATES: [(Coverage, "proven"), (Coverage, "applied"), (Coverage, "reached")],
-    INTEGRATION: [(Resolution, "resolves")],
+    CERTIFICATES: [(Coverage, "proven"), (Coverage, "add")],
+    INTEGRATION: [(Resolution, "resolved")],
     RUN: [(Lockstep, "run")],
 }
 

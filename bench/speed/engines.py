@@ -1,4 +1,4 @@
-"""Measure agent steps per second of both engines for every scenario that ships.
+"""Measure agent steps per second of two engines, with and without processes, for each scenario.
 
     python bench/speed/engines.py [unicycles formation3d …] [--rounds 3] [--duration 12]
 
@@ -10,7 +10,8 @@ import argparse
 import statistics
 
 import phalanx
-from phalanx.launcher.engine import ENGINES
+
+COMPARED = "processes", "in-process"
 
 
 def main() -> None:
@@ -30,7 +31,7 @@ def line(name: str, duration: float, rounds: int) -> str:
     """Make one line of the table: medians over the rounds."""
     shipped = phalanx.load(name)
     scenario = phalanx.load(name, {"duration": min(duration, shipped.duration)})
-    rates: dict[str, list[float]] = {engine: [] for engine in ENGINES}
+    rates: dict[str, list[float]] = {engine: [] for engine in COMPARED}
     hashes = set()
     for _ in range(rounds):
         for engine, steps_per_second in rates.items():

@@ -13,10 +13,9 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import polars as pl
-from verdicts import CASES, INFORMATION, Case, cells
+from verdicts import CASES, INFORMATION, Case, cells, kept_rows
 
 from phalanx.studies.statistics import rate
-from phalanx.studies.store import Store
 
 SHIFT = 0.12
 """Of a pair of points to the left and right, without and with proofs."""
@@ -33,7 +32,7 @@ def main() -> None:
         1, len(cases), figsize=(2.6 * len(cases), 3.0), layout="constrained", sharey=True
     )
     for case, axes in zip(cases, panels, strict=True):
-        draw(axes, case, Store(options.folder / case.scenario).frame())
+        draw(axes, case, kept_rows(options.folder / case.scenario))
     panels[0].set_ylabel("share of runs safe")
     panels[-1].legend(fontsize=7, loc="lower right")
     figure.savefig(options.picture, dpi=110)

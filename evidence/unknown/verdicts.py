@@ -18,7 +18,6 @@ import polars as pl
 
 import phalanx
 from phalanx.studies.row import json_text
-from phalanx.studies.store import Store
 
 INFORMATION = ("paper", "in-flight", "split", "worst-case", "unknown")
 BELIEVES = ("paper", "in-flight")
@@ -107,7 +106,7 @@ def main() -> None:
             if not options.table:
                 run(case, folder, options)
             elif folder.exists():
-                print_tables(case, Store(folder).frame())
+                print_tables(case, kept_rows(folder))
 
 
 def run(case: Case, folder: Path, options: argparse.Namespace) -> None:
@@ -128,6 +127,11 @@ def run(case: Case, folder: Path, options: argparse.Namespace) -> None:
         workers=options.workers,
         progress=True,
     )
+
+
+def kept_rows(folder: Path) -> pl.DataFrame:
+    """Return the rows of a study that ended, also of another version of Phalanx."""
+    return pl.read_parquet(folder / "rows.parquet")
 
 
 def cells(case: Case, rows: pl.DataFrame) -> dict[tuple[str, bool, str], pl.DataFrame]:
