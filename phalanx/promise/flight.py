@@ -3,7 +3,7 @@
 At each sample ω = (θ_1 - θ) / τ within ±Ω, and ν = ±V as soon as |θ_1 - θ| <= Ω τ, else 0. While it
 turns, θ comes nearer by at least Ω - φ per second; from then on |θ_1 - θ| stays within Ω τ, and is
 within φ τ after holds that each take off a share q = h_min / τ. So the axle moves with
-w = ±V n(θ_1), and besides by at most φ (1 + V τ) per second and V Ω τ / q · τ in all. That is a
+w = ±V n(θ_1), and in addition by at most φ (1 + V τ) per second and V Ω τ / q · τ in all. That is a
 chaser's gain: its speed counts as so much more. The turn begins at most τ after a sample and takes
 
     (|θ_1 - θ| + (|ω| + φ) τ - Ω τ) / (Ω - φ) + τ

@@ -94,7 +94,7 @@ class HoldPlace:
 
     @cached_property
     def _width(self) -> float:
-        """Of T around the way [m]; φ', as tracking takes, is what φ and turning add [m/s]."""
+        """Width of T around the way [m]; φ', as tracking takes, is what φ and turning add [m/s]."""
         return self.motion.tracking.reserve * self.motion.longest + self.motion.tube
 
 

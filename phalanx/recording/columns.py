@@ -1,7 +1,7 @@
 """Events of a run as columns: what a fold over them takes, of an instant or of a whole run.
 
 Every event has a number; one with a smaller number came before. Rows are in the order of events. No
-object stands for an event, so that a loop which makes these columns by itself is judged alike.
+object stands for an event, so that a loop which makes these columns by itself is judged the same.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Which runs the loop can make, and why not the others."""
+"""Runs that the loop can make, and why it cannot make others."""
 
 import ctypes
 from collections.abc import Iterator, Sequence

@@ -34,7 +34,7 @@ class _Step(NamedTuple):
 
 
 class _Results:
-    """What the loop wrote in its last call."""
+    """Results that the loop wrote in its last call."""
 
     def __init__(self, memory: Memory) -> None:
         sizes = "instants", "segments", "steps", "ages", "fates", "applied"

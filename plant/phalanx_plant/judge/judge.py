@@ -98,7 +98,7 @@ class Judged(Struct, frozen=True):
 
 
 class _Folded(NamedTuple):
-    """What the judge found of columns of events."""
+    """Findings of the judge on columns of events."""
 
     extremes: Extremes
     """By state."""
@@ -289,7 +289,7 @@ class Judge:
         return self.extremes.add(evaluated, states)
 
     def _add_pieces(self, histories: Sequence[History]) -> None:
-        """Check what happened in consecutive histories, besides motion."""
+        """Check what happened in consecutive histories, apart from motion."""
         for history in histories:
             for piece in history:
                 if type(piece) is DisturbanceKnot or type(piece) is WorldNote:

@@ -54,7 +54,7 @@ def pushes(rng):
 
 
 def excess(flights: Flights, seed: int, gaps=None) -> float:
-    """By how much a chaser comes nearer than was counted [m]."""
+    """Distance by which a chaser comes nearer than was counted [m]."""
     rng = np.random.default_rng(seed)
     x, u, flight, chaser = drawn(rng)
     gaps = gaps or (lambda: rng.uniform(SHORTEST, LONGEST))

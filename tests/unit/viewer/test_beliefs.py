@@ -86,14 +86,14 @@ def test_the_exported_recording_has_sets_and_ages(recorded, replay, tmp_path: Pa
     run(recorded.recording, mcap=path)
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        found = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
-    scenes = [m for topic, m in found if topic == "/agents/1/beliefs"]
+        decoded = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    scenes = [m for topic, m in decoded if topic == "/agents/1/beliefs"]
     assert 10 <= len(scenes) <= 13
     last = scenes[-1].entities[0]
     believed = replay.radio.at(0, last.timestamp.ToNanoseconds() * 1e-9 + 1e-9)
     sizes = [shape.size[0] for shape in belief_shapes(believed)]
     assert [cube.size.x for cube in last.cubes] == pytest.approx(sizes)
-    ages = [m for topic, m in found if topic == "/agents/1/ages"]
+    ages = [m for topic, m in decoded if topic == "/agents/1/ages"]
     assert ages[-1].n_2 == pytest.approx(replay.radio.ages(0)[1].y[-1])
     assert not ages[-1].HasField("n_1")
 

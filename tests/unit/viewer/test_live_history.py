@@ -45,14 +45,14 @@ def test_the_legend_gets_a_mark_with_the_first_frame_that_has_it_and_keeps_it() 
     past, rare = LiveHistory(MODEL), set(Mark) - marks_of(MODEL)
     assert not past.marks & rare
     dead = AgentStatus(Condition.DEAD, backups=1, lies=1)
-    seen = [
+    frames = [
         frame(0.0),
         frame(0.1, LinkEvent(0, 2, -1.0)),
         msgspec.structs.replace(frame(0.2), agents=(dead, *(AgentStatus(),) * 4)),
         frame(0.3),
     ]
     marks = []
-    for of_run in seen:
+    for of_run in frames:
         past.add(of_run)
         marks.append(past.marks & rare)
     lost, later = {Mark.LOST}, {Mark.LOST, Mark.LIE, Mark.SILENT, Mark.BACKUP}
@@ -77,8 +77,11 @@ def test_a_long_past_to_look_back_at_is_thinned_evenly(monkeypatch: pytest.Monke
     past = LiveHistory(MODEL)
     for k in range(21):
         past.add(frame(float(k)))
-    shown = [past.frame_at(t + 0.5) for t in range(20)]
-    assert sorted({of_run.t for of_run in shown if of_run}) == [0.0, 4.0, 8.0, 12.0, 16.0, 20.0][:5]
+    frames_shown = [past.frame_at(t + 0.5) for t in range(20)]
+    assert (
+        sorted({of_run.t for of_run in frames_shown if of_run})
+        == [0.0, 4.0, 8.0, 12.0, 16.0, 20.0][:5]
+    )
 
 
 def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others():
