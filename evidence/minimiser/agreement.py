@@ -37,7 +37,7 @@ class Trial:
     def __init__(self, rng: np.random.Generator, folder: Path) -> None:
         self.counts: Counter[str] = Counter()
         self.farthest = {"OSQP": 0.0, "rational numbers": 0.0}
-        self._rng, self._in_c = rng, module._Compiled(ctypes.PyDLL(str(library(folder))))
+        self._rng, self._in_c = rng, module.CompiledPoint(ctypes.PyDLL(str(library(folder))))
 
     def program(self, number: int) -> bytes:
         """Draw a program, try it in all ways that it is small enough for, and pack it."""

@@ -92,7 +92,7 @@ def hash_by(compiler: str, data: bytes, folder: Path) -> str:
     source, target = folder / "main.c", folder / "main"
     source.write_text(MAIN)
     subprocess.run([*command, source, *SOURCES, "-o", target, *OPTIONS], check=True)
-    limits = nearest_point._LIMITS.tobytes()
+    limits = nearest_point.LIMITS.tobytes()
     answers = subprocess.run(
         [*emulator, target], input=limits + data, stdout=subprocess.PIPE, check=True
     )

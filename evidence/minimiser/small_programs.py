@@ -27,7 +27,7 @@ class SmallTrial:
         loaded = ctypes.PyDLL(str(library(folder)))
         self._rng, self._box = rng, box._checked(loaded)
         self._vertex = violation.LeastVertex()
-        self._vertex._compiled = violation._Compiled(loaded)
+        self._vertex._compiled = violation.CompiledVertex(loaded)
 
     def in_box(self, number: int) -> bytes:
         """Draw a program in a box, try and pack it."""

@@ -127,7 +127,7 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2335,
     "messages": 915,
-    "native": 2420,
+    "native": 2700,
     "network": 1595,
     "plant": 5690,
     "promise": 715,

@@ -11,7 +11,7 @@ from phalanx.network.link import Stage
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.user_methods import is_built_in
-from phalanx.theory.rows.information import InFlight, Paper, WorstCase
+from phalanx.theory.rows.information import InFlight, Paper, Split, WorstCase
 
 
 def reason_against(rows: SafetyRows) -> str | None:
@@ -38,10 +38,8 @@ def _reasons(rows: SafetyRows) -> Iterator[str]:
         yield "agents prove, watch or keep a fallback"
     if swarm.by_radio:
         yield "agents know one another by radio"
-    if safety.pairwise:
-        yield "each pair has a row of its own"
-    if type(swarm.information()) not in (Paper, InFlight, WorstCase):
-        yield "its information model is not one of paper, in-flight and worst-case"
+    if type(swarm.information()) not in (Paper, InFlight, WorstCase, Split):
+        yield "its information model is not one of paper, in-flight, worst-case and split"
     polytopes = rows.composed.members.constant_polytopes
     if any(l not in polytopes or polytopes[l].box is None for l in every):
         yield "the inputs of some agents have other bounds than constant ones"

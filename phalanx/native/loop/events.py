@@ -12,7 +12,6 @@ from phalanx.native.loop.memory import MOST_INPUTS, Memory
 from phalanx.network.inbox import AnnouncedInput, DeliveryReport
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
-from phalanx.theory.rows.decision import finite_or_none
 from phalanx.theory.rows.origin import Origin
 
 _ORIGINS = Origin.QP, Origin.SOLVER_FAILED, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.ATTACK
@@ -37,7 +36,7 @@ class _Results:
     """Results that the loop wrote in its last call."""
 
     def __init__(self, memory: Memory) -> None:
-        sizes = "instants", "segments", "steps", "ages", "fates", "applied"
+        sizes = "instants", "segments", "steps", "ages", "fates", "bindings", "applied"
         self.count = {name: int(memory.number(name)[0]) for name in sizes}
         self._memory = memory
 
@@ -62,10 +61,6 @@ class EventReader:
         swarm = rows.swarm
         self._memory, self._members = memory, range(len(swarm.members))
         self._sizes = [len(member.dynamics.inputs) for member in swarm.members]
-        self._margins = [
-            None if m.adversary else finite_or_none(rows.margin(i).eta)
-            for i, m in enumerate(swarm.members)
-        ]
         self._n, self._axes = swarm.safe_set.parts[-1].stop, swarm.groups[0].axes
         self.t = 0.0
         """Of the last instant [s]."""
@@ -135,17 +130,17 @@ class EventReader:
         first = int(self._memory.number("first_step")[0])
         who, which = (map(int, results.list(f"step_{name}")) for name in ("i", "k"))
         times, origins = results.list("step_t"), map(int, results.list("step_origin"))
-        residuals, others = results.list("step_residual"), map(int, results.list("step_binding"))
+        residuals, margins = results.list("step_residual"), results.list("step_margin")
         wishes, inputs = (results.array(f"step_{n}", MOST_INPUTS) for n in ("wish", "u"))
         rejected = map(int, results.list("step_rejected"))
         ages, fates = self._ages(results), self._fates(results)
+        others = _parts([int(l) for l in results.list("binding_of")], results.list("step_bindings"))
         steps = zip(
-            who, which, times, origins, residuals, others, wishes, inputs, rejected, ages, fates,
-            strict=True,
+            who, which, times, origins, residuals, margins, wishes, inputs, rejected, ages, fates,
+            others, strict=True,
         )  # fmt: skip
-        for number, (i, k, t, origin, residual, other, wish, held, refused, a, f) in enumerate(
-            steps
-        ):
+        for number, step in enumerate(steps):
+            i, k, t, origin, residual, margin, wish, held, refused, a, f, binding = step
             u = held[: self._sizes[i]]
             self._pending[first + number] = _Step(i, k, t, u)
             claims = self._claims[i]
@@ -155,8 +150,8 @@ class EventReader:
                 u_nom=tuple(wish[: self._sizes[i]].tolist()),
                 origin=_ORIGINS[origin],
                 residual=residual if residual == residual else None,
-                margin=self._margins[i],
-                binding=() if other < 0 else (other,),
+                margin=margin if margin == margin else None,
+                binding=binding,
                 solve_time=seconds,
             )
             fates_of = tuple(self._fate(*fate) for fate in f)

@@ -54,7 +54,8 @@ static int guarded(Run *r, I i, const I *seen, double *wish, I *order) {
   Terms *team = r->team + i;
   I l = r->team_member[i], origin;
   double u[MOST_INPUTS];
-  compute_terms(team, l, r, seen);
+  take_state(team, l, r);
+  compute_terms(team, seen);
   double bound = shared_bound(team, l, r->team_margin[i], seen, order);
   int failed = decide(r, team, l, bound, wish, u, &origin);
   memcpy(wish, u, sizeof u);

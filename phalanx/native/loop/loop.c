@@ -1,6 +1,5 @@
 /* The run from instant to instant: integrate, sample, decide, apply, as the lockstep clock does. */
 
-static const double LARGEST = 1e300, AT_BOUND = 1e-6, INSTANT = 1e-9;
 enum { MOST_IN_SEGMENT = 4 };
 
 static double knot(const Run *r, I i, I number, I component) {
@@ -109,7 +108,7 @@ static void look_around(const Run *r, I i, I *seen, I *hearers) {
 static int believes(const Run *r, I i, I l, double t) {
   I link = i * r->agents + l, m = r->input_at[l + 1] - r->input_at[l];
   const double *u = r->received_u + link * MOST_INPUTS,
-               *face = r->faces + l * 2 * MOST_INPUTS * (MOST_INPUTS + 1);
+               *face = r->faces + l * 2 * MOST_INPUTS * FACE;
   double since = r->received_t[link];
   if (r->received[link] < 0) return 0;
   if (r->information == 0   ? !(t - since <= r->silence)
@@ -121,8 +120,8 @@ static int believes(const Run *r, I i, I l, double t) {
     if (!(r->terms->low[r->input_at[l] + c] <= u[c] && u[c] <= r->terms->high[r->input_at[l] + c]))
       inside = 0;
   if (inside) return 1;
-  for (I f = 0; f < r->face_count[l]; ++f, face += MOST_INPUTS + 1)
-    if (!(inner(m, face, u) <= face[MOST_INPUTS])) return 0;
+  for (I f = 0; f < r->face_count[l]; ++f, face += FACE)
+    if (!(inner(m, face, u) <= face[MOST_INPUTS + 1])) return 0;
   return 1;
 }
 
@@ -137,7 +136,7 @@ static int report_ages(Run *r, I i, double t, const I *believed) {
         next = l;
     if (next < 0) return GOES_ON;
     rank = r->received[i * n + next];
-    int counts = 0;
+    int counts = (int)r->pairwise;
     for (I c = r->terms->input_at[next]; c < r->terms->input_at[next + 1]; ++c)
       if (r->terms->c[c] != 0.0) counts = 1;
     if (!counts) continue;
@@ -151,7 +150,7 @@ static int filter(Run *r, I i, double t, const I *seen, const double *wish, I st
   Terms *w = r->terms;
   I believed[MOST_AGENTS], m = w->input_at[i + 1] - w->input_at[i];
   double *u = r->step_u + step * MOST_INPUTS;
-  r->step_binding[step] = -1;
+  r->step_margin[step] = NAN;
   if (r->adversary[i]) {
     clip(w, i, wish, u);
     r->step_origin[step] = ATTACK;
@@ -159,15 +158,21 @@ static int filter(Run *r, I i, double t, const I *seen, const double *wish, I st
     return GOES_ON;
   }
   for (I l = 0; l < r->agents; ++l) believed[l] = seen[l] && believes(r, i, l, t + r->latency);
+  int failed = report_ages(r, i, t, believed);
+  if (failed) return failed;
+  if (r->pairwise)
+    return decide_pairs(r, i, pair_rows(r, i, t + r->latency, seen, believed), wish, step);
   double bound = paper_bound(r, w, i, seen, believed, order);
-  int failed = decide(r, w, i, bound, wish, u, &r->step_origin[step]);
-  if (failed || (failed = report_ages(r, i, t, believed))) return failed;
+  if ((failed = decide(r, w, i, bound, wish, u, &r->step_origin[step]))) return failed;
   double residual = inner(m, w->c + w->input_at[i], u) - bound;
   residual = FAR > residual ? FAR : residual;
-  int reported = -LARGEST <= residual && residual <= LARGEST;
+  int reported = fabs(residual) <= LARGEST;
   r->step_residual[step] = reported ? residual : NAN;
-  if (!reported || residual >= -AT_BOUND * (1.0 + fabs(bound)))
-    r->step_binding[step] = weightiest(w, i, seen);
+  r->step_margin[step] = r->margin[i];
+  if (!reported || residual >= -AT_BOUND * (1.0 + fabs(bound))) {
+    I other = weightiest(w, i, seen);
+    if (other >= 0) r->binding_of[r->bindings++] = other;
+  }
   return GOES_ON;
 }
 
@@ -186,7 +191,8 @@ static int sample(Run *r, I i, double t, I number) {
   take_contacts(r, i, k, t, seen, hearers);
   int failed = advance_inbox(r, i, t, first, last);
   if (failed) return failed;
-  if (!r->adversary[i] || r->law[i] == WORST) compute_terms(r->terms, i, r, seen);
+  take_state(r->terms, i, r);
+  if (r->adversary[i] ? r->law[i] == WORST : !r->pairwise) compute_terms(r->terms, seen);
   if ((failed = wish_of(r, i, t, seen, wish, order))) return failed;
   for (I c = 0; c < m; ++c) size += fabs(wish[c]);
   if (!(size <= LARGEST)) return NOT_FINITE;
@@ -201,6 +207,7 @@ static int sample(Run *r, I i, double t, I number) {
   r->step_rejected[step] = r->rejected[i];
   r->step_ages[step] = r->ages;
   r->step_fates[step] = r->fates;
+  r->step_bindings[step] = r->bindings;
   ++r->steps;
   return GOES_ON;
 }
@@ -237,7 +244,7 @@ int advance(Run *r) {
   for (;;) {
     double t = next_event(r), until = t < r->duration ? t : r->duration;
     if (r->instants == r->most_instants || r->steps + r->agents > r->most_steps ||
-        2 * r->fates > r->most_fates)
+        2 * r->fates > r->most_fates || 2 * r->bindings > r->most_bindings)
       return FULL;
     int failed = integrate(r, until);
     if (failed) return failed;

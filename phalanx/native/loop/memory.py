@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from phalanx.theory.arrays import Array
 
 MOST_INPUTS, MOST_AGENTS, RING = 8, 64, 256
-"""As run.h has them: of one agent, of a run, and broadcasts that are kept of each."""
+"""Sizes in run.h: of one agent, of a run, and broadcasts that are kept of each."""
+FACE = MOST_INPUTS + 2
+"""Numbers of a row of U: with its bound, and the one that a received input may have."""
 _FOLDER = Path(__file__).parent
 _DTYPES = {"I": np.dtype(np.int64), "double": np.dtype(np.float64)}
 _PLACE = np.dtype(np.uint64)
@@ -34,7 +36,7 @@ class Field(NamedTuple):
 @cache
 def source() -> str:
     """Return the loop in C, all files one after the other."""
-    names = "run.h", "draws.c", "links.c", "inbox.c", "terms.c", "laws.c", "loop.c"
+    names = "run.h", "draws.c", "links.c", "inbox.c", "terms.c", "rows.c", "laws.c", "loop.c"
     return "".join((_FOLDER / name).read_text("utf-8") for name in names)
 
 

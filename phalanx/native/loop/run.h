@@ -7,8 +7,19 @@ typedef long long I;
 typedef unsigned long long U;
 typedef void (*Kernel)(const double *, double *, I);
 typedef int (*Nearest)(int, double *, double, double);
+typedef int (*Vertex)(int, int, const double *, double *);
+typedef int (*Point)(int, int, double *, const double *, const double *, double, int,
+                     const double *, int *);
 
-enum { MOST_INPUTS = 8, MOST_AGENTS = 64, MOST_COPIES = 8, KEYS = 8, NUMBERS = 6, RING = 256 };
+enum {
+  MOST_INPUTS = 8,
+  MOST_AGENTS = 64,
+  MOST_COPIES = 8,
+  KEYS = 8,
+  NUMBERS = 6,
+  RING = 256,
+  FACE = MOST_INPUTS + 2
+};
 enum { GOES_ON = 0, OVER = 1, FULL = 2, NOT_FINITE = -1, RULE_FAILED = -2, NO_ROOM = -3 };
 
 /* A copy of a broadcast that is under way. */
@@ -86,10 +97,23 @@ typedef struct {
   /* Rows. */
   double *margin;
   I information;
-  double silence, *unchanged, *faces; /* [N][16][9] rows of U with their allowed bounds */
+  double silence, *unchanged, *faces; /* [N][16][FACE] rows of U, with bounds and allowed ones */
   I *face_count;
   Terms *terms;
   Nearest nearest;
+
+  /* Rows of pairs, [N + 1] of each agent: the other, functions of a half and a whole row, -1: none;
+     the first index of its numbers. */
+  I pairwise, *row_at, *row_other, *row_half, *row_whole, *row_index_at, *row_index, *shares;
+  I *row_kind;          /* that of now, -1 if it is out of sight */
+  Kernel *row_function; /* by kind of row */
+  I *kind_width, *kind_half;
+  double *row_a, *row_bound, *row_margin, *residual, *program;
+  I *row_of;
+  Point nearest_point;
+  Vertex least_vertex;
+  double *limits;
+  int *row_numbers;
 
   /* State. */
   double t, *x, *p, *u; /* [n], [N][d], [m] */
@@ -120,14 +144,15 @@ typedef struct {
   double *segment_x, *segment_p; /* [segments][4][n] and [N][d] */
   I first_step, steps, *step_i, *step_k;
   double *step_t;
-  I *step_origin, *step_binding, *step_rejected;
-  double *step_residual, *step_wish, *step_u;
-  I *step_ages, *step_fates; /* ends */
+  I *step_origin, *step_rejected;
+  double *step_residual, *step_margin, *step_wish, *step_u;
+  I *step_ages, *step_fates, *step_bindings; /* ends */
+  I bindings, *binding_of;
   I ages, *age_of;
   double *age;
   I fates, *fate_from, *fate_k;
   double *fate_delay;
   U *fate_faults;
   I applied, *applied_step;
-  I most_instants, most_segments, most_steps, most_ages, most_fates, most_flights;
+  I most_instants, most_segments, most_steps, most_ages, most_fates, most_flights, most_bindings;
 } Run;

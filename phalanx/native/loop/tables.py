@@ -14,12 +14,14 @@ from phalanx_plant.world.world import RungeKutta
 from phalanx.native.loop.goals import goal_tables
 from phalanx.native.loop.kernels import Kernels, begins
 from phalanx.native.loop.laws import law_table, law_tables
-from phalanx.native.loop.memory import MOST_INPUTS, RING, Memory
+from phalanx.native.loop.memory import FACE, MOST_INPUTS, RING, Memory
+from phalanx.native.loop.pairs import pair_tables
 from phalanx.native.loop.rules import rule_tables, words_of
 from phalanx.native.loop.terms import terms_memory
 from phalanx.network.draws import key_of
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.rows.information import InFlight, Paper
 from phalanx.theory.rows.nearest_in_box import compiled_nearest
 
@@ -38,7 +40,9 @@ class RunMemory:
         axes, n = swarm.groups[0].axes, swarm.safe_set.parts[-1].stop
         inputs = begins(len(member.dynamics.inputs) for member in swarm.members)
         every = range(count)
-        terms = terms_memory(kernels, [rows.terms(i) for i in every], every)
+        composed = any(isinstance(g.law_object(), WorstCase) for g in swarm.groups)
+        composed = composed or not swarm.safety.pairwise
+        terms = terms_memory(kernels, [rows.terms(i) for i in every], every, composed)
         laws = [law_table(kernels, swarm.law(i), axes, count) for i in every]
         self._kept = kernels, terms, laws
         self.run = Memory(
@@ -50,7 +54,7 @@ class RunMemory:
                 "input_at": inputs,
                 **_agents(swarm), **rule_tables(swarm), **_motion(rows, kernels),
                 **goal_tables([swarm.goal(i).reference for i in every], axes),
-                **law_tables(laws), **_rows(rows),
+                **law_tables(laws), **_rows(rows), **pair_tables(rows, kernels),
                 "terms": terms.words, "nearest": kernels.place(compiled_nearest()),
                 **_state(rows, count, n, inputs[-1]), **_results(count, axes, n, inputs[-1]),
             },
@@ -90,14 +94,15 @@ def _motion(rows: SafetyRows, kernels: Kernels) -> dict[str, Any]:
 
 def _rows(rows: SafetyRows) -> dict[str, Any]:
     """Return the tables of margins, and of what counts of received inputs."""
-    swarm, information = rows.swarm, rows.swarm.information()
-    faces = np.zeros((len(swarm.members), 2 * MOST_INPUTS, MOST_INPUTS + 1))
+    swarm, information, nan = rows.swarm, rows.swarm.information(), math.nan
+    faces = np.zeros((len(swarm.members), 2 * MOST_INPUTS, FACE))
     polytopes = rows.composed.members.constant_polytopes
     for i, polytope in polytopes.items():
         r, m = polytope.A.shape
-        faces[i, :r, :m], faces[i, :r, MOST_INPUTS] = polytope.A, polytope.b + polytope.allowance
+        faces[i, :r, :m], faces[i, :r, MOST_INPUTS] = polytope.A, polytope.b
+        faces[i, :r, MOST_INPUTS + 1] = polytope.b + polytope.allowance
     return {
-        "margin": [0.0 if m.adversary else rows.margin(i).eta for i, m in enumerate(swarm.members)],
+        "margin": [nan if m.adversary else rows.margin(i).eta for i, m in enumerate(swarm.members)],
         "information": {Paper: 0, InFlight: 1}.get(type(information), 2),
         "silence": information.silence,
         "unchanged": [information.unchanged.get(i, 0.0) for i in range(len(swarm.members))],
@@ -141,10 +146,10 @@ def _results(count: int, axes: int, n: int, m: int) -> dict[str, Any]:
         "segment_x": np.zeros((_SEGMENTS, _STEPS, n)),
         "segment_p": np.zeros((_SEGMENTS, _STEPS, count, axes)),
         "first_step": 0, "steps": 0, "step_i": steps, "step_k": steps, "step_t": steps,
-        "step_origin": steps, "step_residual": steps, "step_binding": steps,
+        "step_origin": steps, "step_residual": steps, "step_margin": steps,
         "step_wish": np.zeros((most_steps, MOST_INPUTS)),
         "step_u": np.zeros((most_steps, MOST_INPUTS)),
-        "step_rejected": steps, "step_ages": steps, "step_fates": steps,
+        "step_rejected": steps, "step_ages": steps, "step_fates": steps, "step_bindings": steps,
         "ages": 0, "age_of": ages, "age": ages,
         "fates": 0, "fate_from": fates, "fate_k": fates, "fate_delay": fates, "fate_faults": fates,
         "applied": 0, "applied_step": steps,

@@ -3,6 +3,8 @@
 static const double FAR = -1e9, AUTHORITY = 0.01, TOLERANCE = 1e-6, FARTHEST = 1e6,
                     FLOOR_OF_SPAN = 0.01;
 
+static const double LARGEST = 1e300, AT_BOUND = 1e-6, INSTANT = 1e-9;
+
 static double inner(I m, const double *a, const double *b) {
   double total = 0.0;
   for (I c = 0; c < m; ++c) total += a[c] * b[c];
@@ -33,9 +35,9 @@ static I jets_in_sight(Terms *w, const I *seen) {
   return shown;
 }
 
-/* Puts the chain, c, least and most of the members in sight of member l into w. */
-static void compute_terms(Terms *w, I l, const Run *r, const I *seen) {
-  I q = w->degree, states = w->state_at[w->members];
+/* Takes the state, and the obstacles in sight of member l. */
+static void take_state(Terms *w, I l, const Run *r) {
+  I states = w->state_at[w->members];
   for (I b = 0; b < w->members; ++b)
     memcpy(w->numbers + w->state_at[b], r->x + r->state_at[w->agent[b]],
            (w->state_at[b + 1] - w->state_at[b]) * sizeof(double));
@@ -46,7 +48,11 @@ static void compute_terms(Terms *w, I l, const Run *r, const I *seen) {
     memcpy(w->rows + size, w->numbers + states, rest * sizeof(double));
     w->near[l](w->rows, w->around, 1);
   }
-  I shown = jets_in_sight(w, seen), room = 0;
+}
+
+/* Puts the chain, c, least and most of the members in sight into w. */
+static void compute_terms(Terms *w, const I *seen) {
+  I q = w->degree, shown = jets_in_sight(w, seen), room = 0;
   while (w->room[room] < shown) ++room;
   for (I s = 0; s < w->room[room]; ++s)
     for (I k = 0; k <= q; ++k)

@@ -8,9 +8,17 @@ from phalanx.native.loop.kernels import Kernels, begins
 from phalanx.native.loop.memory import Memory
 from phalanx.theory.rows.composed import ComposedTerms
 
+_VALUES = 64
+"""Most numbers of a pair's row."""
 
-def terms_memory(kernels: Kernels, terms: Sequence[ComposedTerms], agents: Sequence[int]) -> Memory:
-    """Return the terms of members, which are these agents of the run, each with its own terms."""
+
+def terms_memory(
+    kernels: Kernels, terms: Sequence[ComposedTerms], agents: Sequence[int], composed: bool = True
+) -> Memory:
+    """Return the terms of members, which are these agents of the run, each with its own terms.
+
+    composed: whether they are used, and not the members and obstacles alone.
+    """
     swarm = terms[0].swarm
     pairs, members, q = swarm.pairs, swarm.members, swarm.pairs.degree
     every = pairs.choose(pairs.every)
@@ -36,8 +44,9 @@ def terms_memory(kernels: Kernels, terms: Sequence[ComposedTerms], agents: Seque
         "low": np.concatenate([box.low for box in boxes if box]),
         "high": np.concatenate([box.high for box in boxes if box]),
         "metric": np.concatenate([m.dynamics.input_metric() for m in pairs.members]),
-        "extremes": [kernels(kind.extremes) for kind in members.kinds],
-        "groups": len(groups), "jets": [kernels(group.kind.jets) for group in groups],
+        "extremes": [kernels(kind.extremes) if composed else 0 for kind in members.kinds],
+        "groups": len(groups),
+        "jets": [kernels(group.kind.jets) if composed else 0 for group in groups],
         "group_at": begins(counts), "width": widths, "results": results,
         "index_at": begins(per_pair.tolist())[:-1],
         "indices": np.concatenate([i.ravel() for i in indices]),
@@ -45,10 +54,10 @@ def terms_memory(kernels: Kernels, terms: Sequence[ComposedTerms], agents: Seque
         "force_at": begins(np.bincount(every.force_pair, minlength=len(every.pairs)).tolist()),
         "force_input": every.force_input,
         "rooms": len(rooms), "room": rooms,
-        "composition": [kernels(swarm.jets.flat(room)) for room in rooms],
+        "composition": [kernels(swarm.jets.flat(room)) if composed else 0 for room in rooms],
         "near": [kernels(each.near) for each in terms],
         "numbers": np.concatenate([np.zeros(states), pairs.parameters]),
-        "rows": np.zeros(widest), "values": np.zeros(int(np.dot(results, counts)) + 1),
+        "rows": np.zeros(widest), "values": np.zeros(max(int(np.dot(results, counts)), _VALUES)),
         "columns": np.zeros(rooms[-1] * (q + 1)), "chain": np.zeros(q + 1 + rooms[-1] * q),
         "around": np.ones(len(pairs.obstacles)), "c": np.zeros(inputs),
         "least": np.zeros(len(agents)), "most": np.zeros(len(agents)),

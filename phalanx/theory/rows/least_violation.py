@@ -70,8 +70,7 @@ class LeastVertex:
     """least_vertex; in C if the cache of compiled functions has it."""
 
     def __init__(self) -> None:
-        source = Path(__file__).with_suffix(".c").read_text("utf-8")
-        self._compiled = native_source(source, _Compiled)
+        self._compiled = compiled_vertex()
 
     def __call__(self, A: Array, b: Array) -> list[float] | None:
         """least_vertex of the same program."""
@@ -82,12 +81,17 @@ class LeastVertex:
         return self._compiled(table) if small else least_vertex(A, b)
 
 
-class _Compiled:
+def compiled_vertex() -> "CompiledVertex | None":
+    """Return the same in C; None if the cache of compiled functions lacks it."""
+    return native_source(Path(__file__).with_suffix(".c").read_text("utf-8"), CompiledVertex)
+
+
+class CompiledVertex:
     """The same in C."""
 
     def __init__(self, library: ctypes.PyDLL) -> None:
         """Raise ValueError unless the numbers are the reference's."""
-        self._function = library.least_vertex
+        self.function = library.least_vertex
         for m, r in ((1, 3), (2, 4), (2, 9), (3, 6), (4, 9)):
             numbers = sample_states(r * (m + 1))[m].reshape(r, m + 1)
             table = np.concatenate([numbers, np.eye(m, m + 1), -np.eye(m, m + 1)])
@@ -99,5 +103,5 @@ class _Compiled:
     def __call__(self, table: Array) -> list[float] | None:
         count, d = len(table), table.shape[1] - 1
         vertex = np.empty(d)
-        exists = self._function(d, count, address(table), address(vertex))
+        exists = self.function(d, count, address(table), address(vertex))
         return vertex.tolist() if exists else None

@@ -245,15 +245,14 @@ def _products(G: Array, v: Sequence[float]) -> Array:
 
 _MOST_INPUTS = 16
 """M in nearest_point.c; with more, the reference runs."""
-_LIMITS = np.array([PRIMAL, DUAL, INDEPENDENT, NEAR, _MOST_SETS, _MOST_STEPS])
+LIMITS = np.array([PRIMAL, DUAL, INDEPENDENT, NEAR, _MOST_SETS, _MOST_STEPS])
 
 
 class NearestPointSolver:
     """nearest_point and strictly_nearest; in C if the cache of compiled functions has them."""
 
     def __init__(self) -> None:
-        source = Path(__file__).with_suffix(".c").read_text("utf-8")
-        self._compiled = native_source(source, _Compiled)
+        self._compiled = compiled_point()
 
     def in_c(self, inputs: int) -> bool:
         """Return whether programs with this many inputs run in C."""
@@ -276,12 +275,17 @@ def _reference(
     return nearest_point(n, G, g, size) if hint is None else strictly_nearest(n, G, g, hint)
 
 
-class _Compiled:
+def compiled_point() -> "CompiledPoint | None":
+    """Return the same in C; None if the cache of compiled functions lacks it."""
+    return native_source(Path(__file__).with_suffix(".c").read_text("utf-8"), CompiledPoint)
+
+
+class CompiledPoint:
     """The same in C."""
 
     def __init__(self, library: ctypes.PyDLL) -> None:
         """Raise ValueError unless the bits are the reference's."""
-        self._function = library.nearest_point
+        self.function = library.nearest_point
         for m, k in ((1, 3), (2, 4), (2, 9), (3, 6), (3, 12), (4, 9)):
             numbers = sample_states(m + k * m + k)[m]
             n, g, G = numbers[:m].tolist(), abs(numbers[m : m + k]), numbers[m + k :].reshape(k, m)
@@ -299,7 +303,7 @@ class _Compiled:
         floats[:m] = n
         if hint is not None:
             rows[: len(hint)] = hint
-        count = self._function(
+        count = self.function(
             m,
             k,
             address(floats),
@@ -307,7 +311,7 @@ class _Compiled:
             address(g),
             ctypes.c_double(size),
             -1 if hint is None else len(hint),
-            address(_LIMITS),
+            address(LIMITS),
             address(rows),
         )
         if count < 0:

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 
 import msgspec
+import numpy as np
 import pytest
 
 import phalanx
@@ -25,11 +26,15 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
 ]
-ELIGIBLE = [
-    "unicycles", "formation3d", "formation3d-beta3", "one-on-one", "pinned", "surrounded",
-    "stale-inputs", "attacks/paper-margin", "attacks/paper-margin-two", "faults/burst",
-    "faults/corrupt", "faults/delay", "faults/distance", "faults/duplicate", "faults/loss",
-    "faults/rate", "faults/reorder", "faults/slot", "faults/trace",
+TYPICAL = [
+    "unicycles", "formation3d", "guaranteed", "stale-inputs", "attacks/two-pursuers",
+    "faults/burst", "faults/corrupt", "faults/delay", "faults/distance", "faults/duplicate",
+    "faults/loss", "faults/rate", "faults/reorder", "faults/slot", "faults/trace",
+]  # fmt: skip
+OTHERS = [
+    "formation3d-beta3", "formation3d-distance", "one-on-one", "pinned", "surrounded", "crossing",
+    "fence", "heading-aware", "swarm", "swarm2d", "quadrotors", "warehouse", "attacks/one-pursuer",
+    "attacks/paper-margin", "attacks/paper-margin-two", "attacks/turned-away",
 ]  # fmt: skip
 
 
@@ -73,10 +78,47 @@ def results(
     return summary, records
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-@pytest.mark.parametrize("name", ELIGIBLE)
-def test_verdict_and_recording_are_those_of_the_run_in_process(name, seed):
-    scenario = phalanx.load(name, {"duration": 0.6}, seed)
+@pytest.mark.parametrize("name", TYPICAL)
+def test_verdict_and_recording_are_those_of_the_run_in_process(name):
+    assert_same(phalanx.load(name, {"duration": 0.6}))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", TYPICAL + OTHERS)
+def test_so_are_those_of_all_other_shipped_scenarios_and_seeds(name, seed):
+    assert_same(phalanx.load(name, {"duration": 1.0}, seed))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(60))
+def test_so_are_those_of_scenarios_drawn_at_random(seed):
+    draw = np.random.default_rng(seed)
+    name = str(
+        draw.choice(["unicycles", "formation3d", "guaranteed", "one-on-one", "stale-inputs"])
+    )
+    assert_same(phalanx.load(name, {"duration": 1.0, **drawn(draw)}, seed))
+
+
+def drawn(draw: np.random.Generator) -> dict[str, object]:
+    """Fields of a scenario: links, clocks, latency, disturbances."""
+    low, high = sorted(draw.uniform(0.0, 0.05, 2).round(4).tolist())
+    period = round(float(draw.uniform(0.01, 0.05)), 4)
+    return {
+        "network.loss": float(draw.choice([0.0, 0.2, 0.9])),
+        "network.delay": draw.choice(
+            [low, {"low": low, "high": high}, {"time": low, "jitter": high}]
+        ),
+        "network.duplicate": float(draw.choice([0.0, 0.3])),
+        "network.corrupt": float(draw.choice([0.0, 0.3])),
+        "time.latency": float(draw.choice([0.0, 0.004])),
+        "time.integration_step": float(draw.choice([1e-3, 3e-4])),
+        "agents.0.clock": {"period": period, "jitter": float(draw.uniform(0.0, 0.3) * period)},
+        "agents.0.disturbance": {"bound": 0.3, "every": float(draw.uniform(0.003, 0.5))},
+    }
+
+
+def assert_same(scenario: Scenario) -> None:
     (summary, records), (expected, reference) = in_c(scenario), in_process(scenario)
     assert summary == expected
     assert records.of(State) == reference.of(State)
@@ -89,7 +131,7 @@ def test_all_others_have_a_reason_in_words():
         for name in shipped()
         if not name.startswith("worlds")
     }
-    assert {name for name, reason in reasons.items() if reason is None} == {*ELIGIBLE}
+    assert {name for name, reason in reasons.items() if reason is None} == {*TYPICAL, *OTHERS}
     assert reasons["guaranteed-radio"] == "agents know one another by radio"
 
 
