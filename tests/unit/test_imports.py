@@ -137,7 +137,7 @@ BUDGET: Mapping[str, int] = {
     "schema": 960,
     "studies": 2130,
     "swarm": 2620,
-    "theory": 9300,
+    "theory": 9310,
     "viewer": 5045,
     "wire": 600,
 }
@@ -336,7 +336,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_510), ("phalanx.launcher.simulation", 22_925)]
+    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 22_945)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())
