@@ -352,7 +352,7 @@ def test_what_happened_before_h_tot_is_no_number_is_judged_and_nothing_after_it(
 
 @pytest.mark.slow
 def test_an_input_without_its_report_is_not_judged():
-    with pytest.raises(ValueError, match="its report"):
+    with pytest.raises(ValueError, match="inputs with their reports"):
         happen(judge_of(), InputApplied(0, 0, 0.0, 0.0, np.zeros(2)))
 
 

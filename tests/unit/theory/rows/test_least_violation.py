@@ -99,7 +99,7 @@ def test_of_inputs_that_violate_equally_the_least_is_taken_and_zeros_have_no_sig
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
     in_c, calls = LeastVertex(), []
-    compiled = module._Compiled(library_of(module, tmp_path))
+    compiled = module.CompiledVertex(library_of(module, tmp_path))
     in_c._compiled = lambda table: calls.append(1) or compiled(table)
     for _ in range(60):
         m, count = int(rng.integers(1, 5)), int(rng.choice([1, 2, 5, 8]))
@@ -111,7 +111,7 @@ def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
 
 @needs_a_compiler
 def test_c_finds_no_vertex_where_python_finds_none(tmp_path):
-    compiled = module._Compiled(library_of(module, tmp_path))
+    compiled = module.CompiledVertex(library_of(module, tmp_path))
     for table in ([[1.0, -1.0], [-1.0, -1.0]], [[0.0, 1.0]], [[-1.0, 3.0]]):
         A, b = np.array(table)[:, :1], np.array(table)[:, 1]
         assert compiled(np.array(table)) == least_vertex(A, b)
@@ -124,4 +124,4 @@ def test_c_finds_no_vertex_where_python_finds_none(tmp_path):
 )
 def test_c_with_other_bits_is_refused(change, tmp_path):
     with pytest.raises(ValueError, match="other bits"):
-        module._Compiled(library_of(module, tmp_path, change))
+        module.CompiledVertex(library_of(module, tmp_path, change))

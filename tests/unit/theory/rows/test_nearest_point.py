@@ -187,7 +187,7 @@ def test_a_point_of_contact_is_found_and_a_gap_of_more_than_rounding_is_seen():
 @needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
-    in_c = module._Compiled(library_of(module, tmp_path))
+    in_c = module.CompiledPoint(library_of(module, tmp_path))
     for _ in range(60):
         program = draw_program(kind, int(rng.integers(1, 9)), int(rng.choice([1, 4, 20])), rng)
         answer = nearest_point(*program)
@@ -199,4 +199,4 @@ def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
 @needs_a_compiler
 def test_c_with_other_bits_is_refused(tmp_path):
     with pytest.raises(ValueError, match="other bits"):
-        module._Compiled(library_of(module, tmp_path, ("round < 2", "round < 1")))
+        module.CompiledPoint(library_of(module, tmp_path, ("round < 2", "round < 1")))
