@@ -159,6 +159,8 @@ def _reason(swarm: Swarm, l: int, spare: float) -> str:
         return f"{-spare:.3g} m nearer than it may start"
     speed = reach_of(swarm, l).for_ever(swarm.start()[swarm.safe_set.parts[l]])[1]
     name, velocity = swarm.names[l], swarm.safety.exit_velocity
+    if not swarm.safety.leaves:
+        return f"{name}'s reach is no finite number"
     if velocity is None:
         flights = flights_of(swarm, swarm.normal[0])
         return f"{name} makes {speed:.3g} m/s, a flight {flights.speed - flights.drift:.3g}"

@@ -83,11 +83,10 @@ class Pool(ThreadPoolExecutor):
             worker.process.join()
             worker.connection.close()
             raise WorkerDiedError(_ending(worker.process.exitcode)) from None
-        else:
-            self._idle.append(worker)
         finally:
             with self._lock:
                 self._busy.remove(worker)
+        self._idle.append(worker)  # only now: whoever takes it counts it as busy again
         if error is not None:
             raise error
         return result

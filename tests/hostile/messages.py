@@ -4,7 +4,6 @@ A receiver takes a message, or drops and counts it; anything else is a fault.
 """
 
 import contextlib
-import logging
 import random
 from collections.abc import Callable
 from functools import cache
@@ -202,7 +201,6 @@ def _lookers_on() -> list[Receiver]:
 
 def receivers() -> list[Receiver]:
     """Return all receivers of messages."""
-    logging.disable(logging.WARNING)
     return [*_plant(), *_agent(), *_lookers_on()]
 
 

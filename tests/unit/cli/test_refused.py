@@ -66,7 +66,6 @@ REFUSED = [
     ("keys made --scenario unicycles --host=", "--host: expected a value"),
     ("keys made --scenario unicycles --host a/b", "'--host'"),
     ("keys made --scenario unicycles --host übel.org", "'--host'"),
-    ("verify a --seed=-1", "'--seed'"),
     ("plant --scenario unicycles --run=", "--run: expected a value"),
     ("plant --scenario unicycles --run r --speed inf", "'--speed'"),
     ("plant --scenario unicycles --run r --listen nonsense", "'--listen'"),

@@ -152,6 +152,7 @@ def pressing(call: Callable[..., Any]) -> Callable[..., Any]:
 def test_ctrl_c_in_a_step_ends_it_and_is_raised(
     call: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
+    monkeypatch.setattr(simulation, "LARGE_BATCH", 1)  # it writes after each instant
     run = phalanx.start(phalanx.load("unicycles", LATER), out=tmp_path)
     run.until(0.05)
     *path, name = call.split(".")
@@ -181,6 +182,7 @@ def test_ctrl_c_of_a_whole_run_in_a_program_of_ones_own_tears_nothing(
 
     written = RecordingWriter.write
     monkeypatch.setattr(RecordingWriter, "write", write)
+    monkeypatch.setattr(simulation, "LARGE_BATCH", 1)
     run = phalanx.run(phalanx.load("unicycles", LATER), engine="in-process")
     assert run.verdict is Outcome.STOPPED
     assert phalanx.verify(run, engine="in-process")
