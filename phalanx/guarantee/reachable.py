@@ -71,12 +71,10 @@ class ReachableBoxes:
             t: times [s], in order, and not before those of the last call; shape (r,).
             x: true stacked states then, shape (r, n̄).
         """
-        renewed, boxes = list[int](), list[int]()
-        for row, now in enumerate(t.tolist()):
-            if now > self._until:
-                self._until = now + self._lasting
-                renewed.append(row)
-            boxes.append(len(renewed))
+        renewed, row = list[int](), 0
+        while (row := row + int(np.searchsorted(t[row:], self._until, side="right"))) < len(t):
+            self._until = float(t[row]) + self._lasting
+            renewed.append(row)
         low, high = (np.tile(ends, (1 + len(renewed), 1, 1)) for ends in (self._low, self._high))
         for group in self._groups if renewed else ():
             if group.box is not None:
@@ -84,7 +82,7 @@ class ReachableBoxes:
                 low[1:, group.members] = box[..., : self._axes]
                 high[1:, group.members] = box[..., self._axes :]
         self._low, self._high = low[-1], high[-1]
-        of = np.array(boxes, dtype=np.intp)[inputs]
+        of = np.searchsorted(renewed, inputs, side="right")
         apart = np.maximum(low[of, others] - high[of, i], low[of, i] - high[of, others])
         gap, reach = np.maximum(0.0, apart), self._reach[others]
         # NaN counts as near.

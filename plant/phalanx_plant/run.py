@@ -119,20 +119,20 @@ class PlantRun:
         commands.declare(declared(swarm))
         foreign = swarm.scenario.fresh_world()
         integration = ForeignIntegration(swarm, foreign) if foreign else None
-        self._world, self._sampling = World(rows, integration), Sampling(swarm)
+        self.world, self._sampling = World(rows, integration), Sampling(swarm)
         self.judge = Judge(rows)
-        start = self.judge.begin(StateReached(0.0, self._world.x, self._world.take_history()))
-        self._trajectory = TrajectoryHash()
-        self._publisher = Publisher(
+        start = self.judge.begin(StateReached(0.0, self.world.x, self.world.take_history()))
+        self.trajectory = TrajectoryHash()
+        self.publisher = Publisher(
             swarm.names, start, self.judge.findings, commands, agents.publish_status, audience
         )
         # They receive each judged event in this order.
-        observers = [self._trajectory.add, self._publisher.see]
+        observers = [self.trajectory.add, self.publisher.see]
         if recording is not None:
             observers.append(Recorder(swarm, recording).record)
-        idle = self._publisher.idle
+        idle = self.publisher.idle
         events = EventQueue(self.judge, agents.await_telemetry, observers, idle, batch)
-        self._clock = clock(self._world, self._sampling, agents, events, commands)
+        self._clock = clock(self.world, self._sampling, agents, events, commands)
 
     def run(
         self,
@@ -148,7 +148,7 @@ class PlantRun:
         began = time.monotonic()
         try:
             prepare()
-            self._publisher.begin()
+            self.publisher.begin()
             began = time.monotonic()
             with endless_loops(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)
@@ -156,27 +156,27 @@ class PlantRun:
         except ENDINGS as error:
             end = ended_by(error)
         finally:
-            self._world.integration.close()
+            self.world.integration.close()
         return self.summary(end, time.monotonic() - began, rejected())
 
     def complete(self) -> End:
         """Judge a run that went to the end of its scenario."""
-        self._publisher.show(math.inf)
+        self.publisher.show(math.inf)
         f = self.judge.findings()
         return End(*judge(f.violations, f.assumptions, f.theorem, f.excluded))
 
     def summary(self, end: End, wall: float, rejected: Mapping[str, int]) -> Summary:
         """Return the key figures of a run that ended; wall: its wall time [s]."""
-        log.info("%s at t = %.3f s: %s", end.outcome, self._world.t, end.reason)
+        log.info("%s at t = %.3f s: %s", end.outcome, self.world.t, end.reason)
         findings = asdict(self.judge.findings())
         agents, excluded = findings.pop("rejected"), findings.pop("excluded")
         hits = self.judge.claims.faults + self._sampling.faults
         return Summary(
             outcome=end.outcome,
             reason=end.reason,
-            t=self._world.t,
+            t=self.world.t,
             seed=self._scenario.seed,
-            trajectory=self._trajectory.hexadecimal,
+            trajectory=self.trajectory.hexadecimal,
             excluded=excluded or [],
             rejected={**rejected, **self._commands.refusals.counts, **agents},
             wall_time=wall,

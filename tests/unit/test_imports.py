@@ -127,9 +127,9 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2335,
     "messages": 915,
-    "native": 2700,
+    "native": 2940,
     "network": 1595,
-    "plant": 5690,
+    "plant": 5785,
     "promise": 715,
     "recording": 2560,
     "report": 2010,
@@ -336,7 +336,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 22_945)]
+    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_035)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

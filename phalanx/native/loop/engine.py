@@ -3,28 +3,27 @@
 import ctypes
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
-from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.judge.event_queue import LARGE_BATCH, EventQueue
+import numpy as np
 from phalanx_plant.observers.recorder import RecordSink
 from phalanx_plant.run import PlantRun
-from phalanx_plant.sampling.sampling import Sampling
-from phalanx_plant.world.world import World
+from phalanx_plant.world.world import DisturbanceKnot
 
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.launcher.simulation import Simulation
-from phalanx.messages.kinds import Status, Telemetry
+from phalanx.messages.kinds import Telemetry
 from phalanx.native.library import build, missing, require_compiler
+from phalanx.native.loop.columns import Batch, ColumnReader
 from phalanx.native.loop.eligible import reason_against
-from phalanx.native.loop.events import EventReader
 from phalanx.native.loop.kernels import Kernels
 from phalanx.native.loop.library import compiled_loop
+from phalanx.native.loop.records import ColumnRecorder, bits
 from phalanx.native.loop.tables import RunMemory
 from phalanx.recording.records import RECORDING
 from phalanx.scenario.model import Scenario
@@ -53,7 +52,7 @@ class CompiledRun:
     def __init__(self, rows: SafetyRows, memory: RunMemory, loop: ctypes.PyDLL) -> None:
         self.rows, self._memory, self._loop = rows, memory, loop
         self._place = ctypes.c_void_p(memory.run.words.ctypes.data)
-        self.reader = EventReader(rows, memory.run)
+        self.reader = ColumnReader(rows, memory.run)
         loop.begin(self._place)
 
     def advance(self) -> int:
@@ -82,54 +81,69 @@ class NativeSimulation(Simulation):
         super().__init__(run.rows, records, options)
 
     def _plant_run(self, sink: RecordSink | None, opened: ExitStack) -> PlantRun:
-        agents = _Reports(self._run.reader, self._options.progress)
-        parts = self._rows, agents, sink, self.queue, self._make_native
-        return PlantRun(*parts, batch=LARGE_BATCH)
-
-    def _make_native(
-        self, world: World, _: Sampling, __: Any, events: EventQueue, ___: CommandQueue
-    ) -> "_Clock":
-        return _Clock(self._run, world, events)
+        clock = _Clock(self._run, sink)
+        agents = _Reports(self._options.progress)
+        clock.plant = PlantRun(self._rows, agents, None, self.queue, lambda *_: clock)
+        return clock.plant
 
     def _compile(self) -> None:
         """Do nothing: all is compiled."""
 
 
 class _Reports:
-    """The agents' reports, as the judge awaits them."""
+    """The agents: their reports are among the columns, and none is awaited."""
 
-    def __init__(self, reader: EventReader, progress: Progress) -> None:
-        self._reader, self._progress = reader, progress
+    def __init__(self, progress: Progress) -> None:
+        self.publish_status = progress
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """Return agent i's report on its sample k."""
-        return self._reader.take_telemetry(i, k)
-
-    def publish_status(self, message: Status) -> None:
-        """Call the run's progress callback."""
-        self._progress(message)
+        """Raise an error."""
+        raise NotImplementedError
 
 
 class _Clock:
-    """Lets the loop go on, and hands its events to the judge."""
+    """Lets the loop go on, and has its events judged, hashed and recorded."""
 
     punctuality = None
+    plant: PlantRun
 
-    def __init__(self, run: CompiledRun, world: World, events: EventQueue) -> None:
-        self._run, self._world, self._events = run, world, events
+    def __init__(self, run: CompiledRun, sink: RecordSink | None) -> None:
+        swarm = run.rows.swarm
+        self._run, self._sizes = run, np.array([len(m.dynamics.inputs) for m in swarm.members])
+        self._recorder = None if sink is None else ColumnRecorder(swarm, sink)
 
     def run(self, duration: float) -> None:
-        """Run to the end. Raises LoopError, and as the judge does."""
-        reader, world, status = self._run.reader, self._world, 0
-        with self._events:
-            while status != _OVER:
-                began = time.perf_counter()
-                status = self._run.advance()
-                for instant in reader.instants(time.perf_counter() - began):
-                    self._events.add(instant)
-                world.t, world.x, world.p = reader.t, reader.x, reader.p
-                self._events.judge_batches()
-                interrupt.raise_pending()
+        """Run to the end. Raises LoopError, RecordingError and KeyboardInterrupt."""
+        reader, world, status = self._run.reader, self.plant.world, 0
+        while status != _OVER:
+            began = time.perf_counter()
+            status = self._run.advance()
+            batch, seconds = reader.read(), time.perf_counter() - began
+            if batch is not None:
+                self._judge(batch, seconds / max(len(batch.answers["i"]), 1))
+                world.t, world.x = reader.t, reader.x
+                self.plant.publisher.reach(reader.t, reader.x)
+                self.plant.publisher.idle(time.monotonic())
+            interrupt.raise_pending()
+
+    def _judge(self, batch: Batch, seconds: float) -> None:
+        """Judge what happened; seconds: wall time of a step."""
+        judge, columns = self.plant.judge, batch.columns
+        evaluated = list(judge.evaluation.of_segments(batch.segments))
+        if judge.diverged(evaluated) is not None:
+            raise LoopError(_WHY[-1])
+        judge.add_pieces([[DisturbanceKnot(t, phi) for t, phi in batch.knots]])
+        folded = judge.fold(columns, evaluated)
+        faults = batch.answers.lists["fates"]["fate_faults"]
+        hits = Counter(n for word in faults[faults != 0].tolist() for n in bits(word))
+        backups = judge.add_reports(columns.inputs, batch.answers["rejected"], hits)
+        self.plant.trajectory.add_columns(columns.states, columns.inputs, self._sizes)
+        if self._recorder is not None:
+            states, inputs = columns.states, columns.inputs
+            notices = {int(states.number[row]): lines for row, lines in folded.notices.items()}
+            notices |= {int(inputs.number[row]): lines for row, lines in backups.items()}
+            peaks, certified = folded.extremes.peaks, folded.certified
+            self._recorder.record(batch, peaks, certified, notices, seconds)
 
 
 def run_native(scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions) -> Summary:

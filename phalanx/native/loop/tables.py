@@ -25,7 +25,7 @@ from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.rows.information import InFlight, Paper
 from phalanx.theory.rows.nearest_in_box import compiled_nearest
 
-_INSTANTS, _SEGMENTS, _FATES, _FLIGHTS = 256, 1024, 16384, 4096
+_INSTANTS, _SEGMENTS, _FATES, _FLIGHTS = 1024, 2048, 32768, 4096
 """Room for results of one call, and for copies that are under way."""
 _STEPS = 4
 """Integration steps of a segment, at most."""

@@ -54,6 +54,7 @@ from phalanx_plant.world.extremes import LOWEST, Crossing, Extremes, PairExtreme
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
 
 _CHANGES = (CommandApplied, MemberLost)
+_BACKUP = [*Origin].index(Origin.BACKUP)
 
 
 class Judged(Struct, frozen=True):
@@ -223,7 +224,7 @@ class Judge:
             number, diverged = failed
             self._judge(events[: indices[number]], judged)
             raise diverged
-        self._add_pieces(histories)
+        self.add_pieces(histories)
         folded = self.fold(self._columns.of(events), evaluated)
         peaks, pairs = folded.extremes.peaks.tolist(), folded.extremes.pairs.tolist()
         state = row = 0
@@ -273,12 +274,30 @@ class Judge:
             if steps and origin != Origin.ATTACK:
                 self._origins[origin] += steps
 
+    def add_reports(
+        self, inputs: Inputs, rejected: Index, hits: Mapping[int, int]
+    ) -> dict[int, list[Log]]:
+        """Count what is reported on inputs that `fold` took, where no agent convicts another.
+
+        rejected: payloads that their agents had dropped by then, shape (r,). hits: messages on
+        which each declared fault had an effect, by its number.
+
+        Returns lines of the log by the row of the input.
+        """
+        for i, count in dict(zip(inputs.i.tolist(), rejected.tolist(), strict=True)).items():
+            self._rejected[i] = count
+        self.claims.faults.update(hits)
+        rows = np.flatnonzero(inputs.origin == _BACKUP)
+        rows = rows[np.unique(inputs.i[rows], return_index=True)[1]]
+        return {row: self._backup(int(inputs.i[row]), float(inputs.t_apply[row]))
+                for row in rows.tolist()}  # fmt: skip
+
     def begin(self, start: StateReached) -> Judged:
         """Check the start, whose log lines come with the next event. Raises DivergedError."""
         evaluated = list(self.evaluation.of([start.history]))
         if (failed := self.diverged(evaluated)) is not None:
             raise failed[1]
-        self._add_pieces([start.history])
+        self.add_pieces([start.history])
         extremes = self._moved(evaluated, 1)
         self._at_start = [self._crossed(crossing) for _, crossing in extremes.crossings]
         return Judged(start, (), extremes.peak(0), int(extremes.pairs[0]))
@@ -288,7 +307,7 @@ class Judge:
             self.assumptions.moved(steps)
         return self.extremes.add(evaluated, states)
 
-    def _add_pieces(self, histories: Sequence[History]) -> None:
+    def add_pieces(self, histories: Sequence[History]) -> None:
         """Check what happened in consecutive histories, apart from motion."""
         for history in histories:
             for piece in history:
@@ -406,10 +425,13 @@ class Judge:
         if self._promise is not None:
             self._promise.applied(event, folded.x.at_sample(row), self._truthful[i])
         if telemetry.report.origin == Origin.BACKUP:
-            notices += self._warn_once(event.t_apply, f"agent {self._names[i]}: first backup")
+            notices += self._backup(i, event.t_apply)
         certified = float(folded.certified[row])
         proven = None if isnan(certified) else certified
         return Judged(event, notices, certified=proven, false=false)
+
+    def _backup(self, i: int, t: float) -> list[Log]:
+        return self._warn_once(t, f"agent {self._names[i]}: first backup")
 
     def _lost_member(self, event: MemberLost) -> Judged:
         name = self._names[event.i]

@@ -12,6 +12,7 @@ from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, wors
 from phalanx.messages.kinds import Status
 from phalanx.messages.step_report import AppliedStep
 from phalanx.network.inbox import DeliveryReport
+from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Findings, Judged
@@ -83,6 +84,10 @@ class Publisher:
             if self._audience is not None or type(judged.event) is StateReached:
                 self._see(judged)
         self.show(time.monotonic())
+
+    def reach(self, t: float, x: Array) -> None:
+        """Take the stacked state x at t [s], without a frame."""
+        self._t, self._x = t, x
 
     def _see(self, judged: Judged) -> None:
         event = judged.event

@@ -9,8 +9,10 @@ import numpy as np
 
 from phalanx.messages.kinds import Sample, Telemetry
 from phalanx.network.inbox import DeliveryReport
+from phalanx.recording.columns import Inputs, States
 from phalanx.recording.records import State, Step, StepData
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.arrays import Index
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached
@@ -38,6 +40,21 @@ class TrajectoryHash:
                 case InputApplied(i=i, k=k, u=u):
                     parts += _INPUT.pack(i, k), u.data
         self._sha.update(b"".join(parts))
+
+    def add_columns(self, states: States, inputs: Inputs, sizes: Index) -> None:
+        """Take the same of events as columns; sizes: numbers of inputs of each agent."""
+        begun = np.column_stack([states.t, states.x])
+        applied = np.column_stack([inputs.i, inputs.k, inputs.u])
+        fits = np.arange(applied.shape[1]) < (2 + sizes[inputs.i])[:, None]
+        widths = np.append(np.full(len(begun), begun.shape[1]), fits.sum(axis=1))
+        order = np.argsort(np.append(states.number, inputs.number))
+        begins = np.empty(len(order), dtype=np.intp)
+        begins[order] = np.cumsum(widths[order]) - widths[order]
+        numbers = np.empty(widths.sum())
+        numbers[begins[: len(begun), None] + np.arange(begun.shape[1])] = begun
+        places = begins[len(begun) :, None] + np.arange(applied.shape[1])
+        numbers[places[fits]] = applied[fits]
+        self._sha.update(numbers.data)
 
     @property
     def hexadecimal(self) -> str:

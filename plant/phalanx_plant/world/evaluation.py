@@ -21,10 +21,12 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.function import Reaching, proven_reach, static_reach
 from phalanx.theory.safety.pairs import PairFunctions
 from phalanx_plant.world.resolution import Resolution, Roundings
-from phalanx_plant.world.world import History, Segment
+from phalanx_plant.world.segments import Segments, segments_of
+from phalanx_plant.world.world import History
 
 _DIGITS = 60.0 * math.log(2.0)
-_STATES_AT_ONCE = 128
+_STATES_AT_ONCE, _ROWS_AT_ONCE = 128, 8192
+"""Fewest states that are evaluated together, and rows of pairs, which then stay in a cache."""
 _SLACK = 0.25
 """Share by which the search goes farther than it must, so that its result lasts for a while."""
 _FEW = 40
@@ -71,22 +73,18 @@ class Evaluation:
 
     def of(self, histories: Sequence[History]) -> Iterator[EvaluatedSteps]:
         """Evaluate the steps of consecutive histories, in their order."""
-        numbered = [
-            (k, p) for k, history in enumerate(histories) for p in history if type(p) is Segment
-        ]
-        if not numbered:
-            return
-        segments = [p for _, p in numbered]
-        counts = np.array([p.x.shape[0] for p in segments])
-        numbers = np.array([k for k, _ in numbered], dtype=np.intp).repeat(counts)
-        ordinals = 1 + np.arange(counts.sum()) - (np.cumsum(counts) - counts).repeat(counts)
-        begins, dt = np.array([p.t for p in segments]), np.array([p.dt for p in segments])
-        times = begins.repeat(counts) + dt.repeat(counts) * ordinals
-        x = np.concatenate([p.x for p in segments])
-        positions = np.concatenate([p.p for p in segments])
+        segments = segments_of(histories)
+        return iter(()) if segments is None else self.of_segments(segments)
+
+    def of_segments(self, segments: Segments) -> Iterator[EvaluatedSteps]:
+        """Evaluate the steps of segments, of which there are some."""
+        counts, x, positions = segments.counts, segments.x, segments.p
+        numbers = segments.history.repeat(counts)
+        ordinals = 1 + np.arange(len(x)) - (np.cumsum(counts) - counts).repeat(counts)
+        times = segments.t.repeat(counts) + segments.dt.repeat(counts) * ordinals
         resolved = self._resolution.resolved(segments, self._roundings.rates(times, x))
-        for first in range(0, len(x), _STATES_AT_ONCE):
-            some = slice(first, first + _STATES_AT_ONCE)
+        for first in range(0, len(x), self.pairs.at_once):
+            some = slice(first, first + self.pairs.at_once)
             pairs, values, least = self.pairs(x[some], positions[some])
             h = values[..., 0]
             composed = self._sum(h)
@@ -204,6 +202,8 @@ class RelevantPairs:
         self._every = swarm.pairs.every
         few = len(self._every) <= (_FEW_ROWS if swarm.safety.pairwise else _FEW)
         self._function = None if few else proven_reach(function)
+        self.at_once = max(_STATES_AT_ONCE, _ROWS_AT_ONCE // len(self._every) if few else 0)
+        """States that are best evaluated together."""
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
         self._negligible = negligible_below(swarm.safety.rho, len(self._every))

@@ -7,14 +7,13 @@ so ‖δ(s)‖ <= dt³/6 sup ‖δ'''‖ where δ'' does not jump. One bound cov
 dynamics, and all steps passed in one call.
 """
 
-from collections.abc import Sequence
 from functools import partial
 
 import casadi as ca
 import numpy as np
 
 from phalanx.swarm.swarm import DEFECT, Swarm
-from phalanx.theory.arrays import Array, Index, Mask, joined
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.cache import cached
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
@@ -23,7 +22,7 @@ from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics, motion_texts, weighted_rates
 from phalanx_plant.world.motion import by_dynamics
-from phalanx_plant.world.world import Segment
+from phalanx_plant.world.segments import Segments
 
 _ROUNDED = 2.0**-50
 """Rounding error of a state after a step, relative to the state."""
@@ -40,30 +39,27 @@ class Resolution:
         ]
         """By dynamics: the bound, and its agents."""
 
-    def resolved(self, segments: Sequence[Segment], rates: Array) -> Mask:
+    def resolved(self, segments: Segments, rates: Array) -> Mask:
         """Return whether the defect and rounding of each step are at most DEFECT, shape (s,).
 
         rates: of the rounding of the segments' steps [1/s], shape (s,).
         """
-        # A bound for all holds for each, and is hardly ever too large. If it is, each segment has
-        # its own: which ones are judged together depends on the wall clock.
-        if self.defect(segments) + rates.max() <= DEFECT:
-            return np.full(len(rates), True)
-        defects = np.array([self.defect([segment]) for segment in segments])
-        return defects.repeat([p.x.shape[0] for p in segments]) + rates <= DEFECT
+        # A bound for all holds for each, and is hardly ever too large. If it is, halves have their
+        # own: which segments are judged together depends on the wall clock.
+        count, defect = len(segments.t), self.defect(segments)
+        if count == 1 or defect + rates.max() <= DEFECT:
+            return defect + rates <= DEFECT
+        half = count // 2
+        steps = int(segments.counts[:half].sum())
+        first = self.resolved(segments.between(0, half), rates[:steps])
+        return np.append(first, self.resolved(segments.between(half, count), rates[steps:]))
 
-    def defect(self, segments: Sequence[Segment]) -> float:
+    def defect(self, segments: Segments) -> float:
         """Bound the defect of all steps of these segments [1/s]; inf or nan if there is none."""
-        x = np.concatenate([p.x for p in segments])
-        names = "start", "u", "phi", "slope"
-        start, u, phi, slope = (
-            joined([getattr(p, name) for p in segments], len(segments), -1) for name in names
-        )
-        dt = np.array([p.dt for p in segments])
-        steps = np.array([p.x.shape[0] for p in segments], dtype=float)
+        dt, steps, phi, slope = segments.dt, segments.counts, segments.phi, segments.slope
         phi = np.concatenate([phi, phi + (steps * dt)[:, None] * slope])
-        values, bounds = (np.concatenate([x, start]), u, phi, slope), list[float]()
-        ranges = list(map(_range, values))
+        values = np.concatenate([segments.x, segments.start]), segments.u, phi, slope
+        bounds, ranges = list[float](), list(map(_range, values))
         for largest, (_, _, states, inputs) in self._groups:
             indices = states, inputs, states, states
             row = np.concatenate([*map(_over, ranges, indices), [dt.max()]])

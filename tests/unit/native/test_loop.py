@@ -15,7 +15,7 @@ from phalanx.native.library import COMPILER, FOLDER
 from phalanx.native.loop import engine
 from phalanx.native.loop.eligible import reason_against
 from phalanx.native.loop.engine import NativeSimulation, compiled_rows, compiled_run
-from phalanx.recording.records import State, Step
+from phalanx.recording.records import Log, State, Step
 from phalanx.scenario.load import shipped
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import build_rows
@@ -123,6 +123,7 @@ def assert_same(scenario: Scenario) -> None:
     assert summary == expected
     assert records.of(State) == reference.of(State)
     assert records.of(Step) == reference.of(Step)
+    assert records.of(Log) == reference.of(Log)
 
 
 def test_all_others_have_a_reason_in_words():

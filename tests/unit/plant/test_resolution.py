@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from phalanx_plant.world.evaluation import Evaluation
 from phalanx_plant.world.resolution import Resolution, Roundings
+from phalanx_plant.world.segments import segments_of
 from phalanx_plant.world.world import Segment, World
 
 from phalanx.swarm.swarm import DEFECT
@@ -70,7 +71,7 @@ def segment(swarm, seed: int, turning: float) -> Segment:
 def test_no_step_is_farther_off_than_its_bound(seed, turning):
     swarm = swarm_of_scenario("unicycles")
     resolution, way = Resolution(swarm), segment(swarm, seed, turning)
-    bound, dt = resolution.defect([way]), way.dt
+    bound, dt = resolution.defect(segments_of([[way]])), way.dt
     starts = [way.start, *way.x[:-1]]
     for k, x in enumerate(starts):
         phi = way.phi + k * dt * way.slope
@@ -90,17 +91,21 @@ def test_no_step_is_farther_off_than_its_bound(seed, turning):
 def test_steps_are_judged_together_as_each_is_alone(seed):
     swarm = swarm_of_scenario("unicycles")
     resolution, segments = Resolution(swarm), [segment(swarm, seed + k, 2.0) for k in range(4)]
-    together = resolution.defect(segments)
-    alone, counts = [resolution.defect([way]) for way in segments], [len(p.x) for p in segments]
+    columns = segments_of([segments])
+    together = resolution.defect(columns)
+    alone, counts = (
+        [resolution.defect(segments_of([[way]])) for way in segments],
+        [len(p.x) for p in segments],
+    )
     assert max(alone) <= together <= DEFECT / 2
-    assert resolution.resolved(segments, np.full(sum(counts), DEFECT / 2)).all()
+    assert resolution.resolved(columns, np.full(sum(counts), DEFECT / 2)).all()
     # Between its own bound and that of all a rate leaves each step resolved, in any company.
     room = np.repeat(DEFECT - np.array(alone), counts)
-    assert resolution.resolved(segments, 0.999 * room).all()
-    assert not resolution.resolved(segments, 1.001 * room).any()
+    assert resolution.resolved(columns, 0.999 * room).all()
+    assert not resolution.resolved(columns, 1.001 * room).any()
     segments[2] = segment(swarm, seed, 12566.0)
     counts = [len(p.x) for p in segments]
-    answers = resolution.resolved(segments, np.zeros(sum(counts)))
+    answers = resolution.resolved(segments_of([segments]), np.zeros(sum(counts)))
     assert answers.tolist() == np.repeat([True, True, False, True], counts).tolist()
 
 
@@ -111,7 +116,9 @@ def test_a_bound_of_several_steps_holds_for_the_last_one_whose_push_has_grown():
     grown = replace(way, phi=0.0 * slope, slope=slope)
     before = (len(way.x) - 1) * way.dt
     last = replace(grown, start=way.x[-2], x=way.x[-1:], phi=before * slope)
-    assert 0.0 < resolution.defect([last]) <= resolution.defect([grown])
+    assert (
+        0.0 < resolution.defect(segments_of([[last]])) <= resolution.defect(segments_of([[grown]]))
+    )
 
 
 @pytest.mark.parametrize(("far", "resolved"), [(0.0, True), (1e10, False)])
@@ -164,5 +171,5 @@ def test_what_a_step_cannot_see_is_not_resolved(kink, y, resolved):
     integration.x[:2] = 3e-7, y
     integration.hold(0, np.array([0.0, 1.0]))  # from -1e-4 across the kink in the first step
     way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
-    answers = Resolution(rows.swarm).resolved([way], np.zeros(len(way.x)))
+    answers = Resolution(rows.swarm).resolved(segments_of([[way]]), np.zeros(len(way.x)))
     assert set(answers.tolist()) == {resolved}
