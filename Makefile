@@ -56,7 +56,7 @@ $(READY): pyproject.toml $(PACKAGES:%=%/pyproject.toml) locks/all.txt
 # After a change of pyproject.toml or constraints.txt; needs uv. The build's own are beside them.
 locks:
 	printf '%s\n' hatchling | $(LOCK) packages/phalanx-hosts/pyproject.toml --extra view --no-emit-package phalanx-swarm --output-file locks/image.txt
-	printf '%s\n' hatchling editables | $(LOCK) $(PACKAGES:%=%/pyproject.toml) --extra test --extra docs --no-emit-package phalanx-swarm --output-file locks/all.txt
+	printf '%s\n' hatchling editables | $(LOCK) $(PACKAGES:%=%/pyproject.toml) --extra test --extra docs --no-emit-package phalanx-swarm --no-emit-package phalanx-studies --output-file locks/all.txt
 
 # Before a release; needs a container engine that reaches its registry.
 base:

@@ -13,7 +13,7 @@ _NUMBER = r"\d+\.\d+\.\d+"
 PLACES = {
     "phalanx/__init__.py": rf'(?<=^__version__ = "){_NUMBER}',
     "CITATION.cff": rf"(?<=^version: ){_NUMBER}",
-    "packages/*/pyproject.toml": rf'((?<=^version = ")|(?<=phalanx-swarm==)|(?<=\]==)){_NUMBER}',
+    "packages/*/pyproject.toml": rf'((?<=^version = ")|(?<=[ms\]]==)){_NUMBER}',
 }
 """Where the version stands, by patterns of files."""
 UNRELEASED = "## [Unreleased]\n"

@@ -1,6 +1,6 @@
 """Run a study on a Slurm cluster: its nodes become workers of dask.distributed.
 
-    pip install '.[lab]' distributed dask-jobqueue
+    pip install . ./packages/phalanx-studies distributed dask-jobqueue
     python examples/study_on_slurm.py 1000 64
 
 Seeds and jobs are the two numbers. Asked again after a time limit or a crash, it runs what is

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import load, shipped
     from phalanx.scenario.model import Scenario, ScenarioError
-    from phalanx.studies.study import Study, open_study, study
 
 __version__ = "0.3.0"
 
@@ -42,13 +41,10 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "start",
     "open",
     "verify",
-    "study",
-    "open_study",
     "metrics",
     "Run",
     "RunOptions",
     "SteppedRun",
-    "Study",
     "Scenario",
     "ScenarioError",
     "shipped",
@@ -66,6 +62,8 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "CommandKind",
     "CommandPolicy",
 ]
+OF_PACKAGES = ("study", "open_study")
+"""More public names: entry points of packages that may not be installed."""
 
 
 @cache
@@ -89,9 +87,13 @@ def public_name(name: str, module: dict[str, Any]) -> Any:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
+    """Import a public name when it is first used, or from the package that brings it."""
+    if name in OF_PACKAGES:
+        from phalanx.schema.extensions import extension
+
+        return extension(name)
     return public_name(name, globals())
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *OF_PACKAGES})

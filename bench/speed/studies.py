@@ -13,10 +13,10 @@ import time
 from pathlib import Path
 
 import psutil
+from phalanx_studies.pool import Pool
+from phalanx_studies.study import study
 
 import phalanx
-from phalanx.studies.pool import Pool
-from phalanx.studies.study import study
 
 
 def main() -> None:

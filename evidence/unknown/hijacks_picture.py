@@ -13,9 +13,8 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import polars as pl
+from phalanx_studies.statistics import rate
 from verdicts import CASES, INFORMATION, Case, cells, kept_rows
-
-from phalanx.studies.statistics import rate
 
 SHIFT = 0.12
 """Of a pair of points to the left and right, without and with proofs."""

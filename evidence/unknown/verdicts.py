@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import polars as pl
+from phalanx_studies.row import json_text
 
 import phalanx
-from phalanx.studies.row import json_text
 
 INFORMATION = ("paper", "in-flight", "split", "worst-case", "unknown")
 BELIEVES = ("paper", "in-flight")

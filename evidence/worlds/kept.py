@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
+from phalanx_studies.row import Identity, Row, row_of
+from phalanx_studies.study import Study
+from phalanx_studies.work import Job, compute
 
 import phalanx
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import swarm_of
-from phalanx.studies.row import Identity, Row, row_of
-from phalanx.studies.work import Job, compute
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array
 
@@ -52,7 +53,7 @@ def arguments(doc: str | None) -> argparse.Namespace:
 
 def studied(
     scenario: str, variants: Mapping[str, dict[str, Any]], options: argparse.Namespace
-) -> tuple[phalanx.Study, dict[str, Variant]]:
+) -> tuple[Study, dict[str, Variant]]:
     """Run what is missing, and return all runs by variant; variants: fields that differ."""
     folder = Path("build") / scenario
     folder.mkdir(parents=True, exist_ok=True)

@@ -35,14 +35,18 @@ PACKAGES: Mapping[str, str] = {
     "fit": "phalanx-worlds",
     "keys": "phalanx-hosts",
     "mcap": "phalanx-mcap",
+    "open_study": "phalanx-studies",
     "replay": "phalanx-attacks",
     "reproduce": "phalanx-paper",
     "ros2": "phalanx-ros2",
     "router": "phalanx-hosts",
     "shrink": "phalanx-attacks",
+    "study": "phalanx-studies",
     "test-agent": "phalanx-testing",
 }
 """The package of this repository that brings a command or an extension, by its name."""
+STUDIES, ON_STUDIES = "phalanx-studies", ("phalanx-attacks", "phalanx-testing")
+"""A package that others need, and those; no index has it either."""
 
 
 class MissingExtensionError(ImportError):
@@ -74,7 +78,8 @@ def extension(name: str) -> Any:
 
 def installing(package: str) -> str:
     """Return the command that installs a package of this repository."""
-    return f"pip install {HERE}/packages/{package}"
+    studies = f"{installing(STUDIES)} " if package in ON_STUDIES else "pip install "
+    return f"{studies}{HERE}/packages/{package}"
 
 
 def missing(name: str) -> MissingExtensionError:

@@ -43,8 +43,9 @@ _INTEGRATED = "phalanx/theory/margins/integrated.py"
 _TEST_INTEGRATED = "tests/unit/theory/margins/test_integrated.py"
 _TEST_MARGIN = "tests/unit/theory/margins/test_row_margins.py"
 _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_verify.py"
-_COORDINATOR = "phalanx/studies/coordinator.py"
-_TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
+_STUDIES = "packages/phalanx-studies"
+_COORDINATOR = f"{_STUDIES}/phalanx_studies/coordinator.py"
+_TEST_COORDINATOR = f"{_STUDIES}/tests/test_coordinator.py"
 _TEST_SECRETS = "tests/process/viewer/test_secrets.py"
 _PROOFS, _TEST_PROOFS = (
     "phalanx/guarantee/proven_filter.py",
@@ -234,21 +235,23 @@ MUTANTS = (
            "newest == identity and outcome != BROKEN", "newest == identity", _TEST_COORDINATOR),
     Mutant("rows of other modules", _COORDINATOR, "newest == identity and",
            "newest and newest[:2] == identity[:2] and", _TEST_COORDINATOR),
-    Mutant("draws in the order of fields", "phalanx/studies/plan.py",
+    Mutant("draws in the order of fields", f"{_STUDIES}/phalanx_studies/plan.py",
            'Draws(self.draw_seed, "study", path)', 'Draws(self.draw_seed, "study")',
-           "tests/unit/studies/test_plan.py"),
-    Mutant("a torn row", "phalanx/studies/store.py", 'text[: text.rfind(b"\\n") + 1]',
-           "text", "tests/unit/studies/test_store.py"),
-    Mutant("a searched row counted", "phalanx/studies/row.py", '~pl.col("searched") & ', "",
-           "tests/unit/studies/test_groups.py"),
+           f"{_STUDIES}/tests/test_plan.py"),
+    Mutant("a torn row", f"{_STUDIES}/phalanx_studies/store.py",
+           'text[: text.rfind(b"\\n") + 1]',
+           "text", f"{_STUDIES}/tests/test_store.py"),
+    Mutant("a searched row counted", f"{_STUDIES}/phalanx_studies/row.py",
+           '~pl.col("searched") & ', "",
+           f"{_STUDIES}/tests/test_groups.py"),
     Mutant("seeds that share what they drew", "phalanx/swarm/runnable.py",
            "(build_swarm(scenario, functions))",
            '(functions.get("swarm", lambda: build_swarm(scenario, functions)))',
-           "tests/unit/studies/test_work.py"),
+           f"{_STUDIES}/tests/test_work.py"),
     Mutant("obstacles of an earlier run", "phalanx/theory/safety/pairs.py",
            "= np.concatenate([np.zeros(0), *numbers])",
            '= self.functions.get("numbers", lambda: np.concatenate([np.zeros(0), *numbers]))',
-           "tests/unit/studies/test_work.py"),
+           f"{_STUDIES}/tests/test_work.py"),
     Mutant("pairs that are quiet until they may meet", _PROOFS,
            "swarm.horizon(i)", "0.0", _TEST_PROOFS),
     Mutant("a proof for half a sample", _PROOFS, "times < self._certificates.tau",

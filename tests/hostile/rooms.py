@@ -15,6 +15,7 @@ class Room(NamedTuple):
 
 _PLANT, _CERTIFY = "plant/phalanx_plant", "packages/phalanx-certify"
 _ATTACKS = "packages/phalanx-attacks"
+_STUDIES = "packages/phalanx-studies"
 ROOMS = {
     "rows": Room(
         ("phalanx/theory/rows/*.py", "phalanx/swarm/rows.py"),
@@ -44,9 +45,10 @@ ROOMS = {
         ("agent/phalanx_agent/clock.py", f"{_PLANT}/clock/*.py", f"{_PLANT}/sampling/*.py"),
         "tests/unit/plant tests/unit/agent tests/unit/faults",
     ),
-    "statistics": Room(("phalanx/studies/statistics.py",), "tests/unit/studies"),
+    "statistics": Room((f"{_STUDIES}/phalanx_studies/statistics.py",), f"{_STUDIES}/tests"),
     "coordinator": Room(
-        ("phalanx/studies/coordinator.py", "phalanx/studies/[rsw]*.py"), "tests/unit/studies"
+        tuple(f"{_STUDIES}/phalanx_studies/{name}.py" for name in ("coordinator", "[rsw]*")),
+        f"{_STUDIES}/tests",
     ),
     "search": Room((f"{_ATTACKS}/phalanx_attacks/*.py",), f"{_ATTACKS}/tests"),
     "recording-reader": Room(

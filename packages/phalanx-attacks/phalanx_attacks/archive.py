@@ -9,11 +9,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from phalanx_studies.row import Row
+from phalanx_studies.statistics import Interval, clopper_pearson
+
 from phalanx.guarantee.verdict import Outcome
 from phalanx.native.files import real_folder, whole_file
 from phalanx.scenario.load import read_table, scenario_text
-from phalanx.studies.row import Row
-from phalanx.studies.statistics import Interval, clopper_pearson
 from phalanx_attacks.knobs import Fields
 from phalanx_attacks.robustness import START, robustness_of
 

@@ -82,8 +82,9 @@ def attack(
       phalanx attack unicycles --preset beyond --set duration=6 --workers 4
       phalanx run attacks/guaranteed/found/01-1-4-1.68s.toml
     """
+    from phalanx_studies.store import StudyError
+
     from phalanx.scenario.load import field_and_value
-    from phalanx.studies.store import StudyError
     from phalanx_attacks.runner import attack as search
     from phalanx_attacks.search import Options
 

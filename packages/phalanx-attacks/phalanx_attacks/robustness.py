@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
+from phalanx_studies.row import REFUSED, Identity, Row, digest_of_scenario, json_text, row_of
+from phalanx_studies.work import Job
 
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.start import longest_certificate
@@ -23,8 +25,6 @@ from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.read import Recording
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.model import Scenario
-from phalanx.studies.row import REFUSED, Identity, Row, digest_of_scenario, json_text, row_of
-from phalanx.studies.work import Job
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import shared_rows
 from phalanx.swarm.swarm import Swarm

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+from phalanx_studies.pool import Pool
+from phalanx_studies.store import Store, StudyError
 
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import load, read_table
-from phalanx.studies.pool import Pool
-from phalanx.studies.store import Store, StudyError
 from phalanx_attacks.archive import Behaviour, Find, write_finds
 from phalanx_attacks.knobs import WITHIN, preset, space_of
 from phalanx_attacks.page import write_attack_page

@@ -12,12 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher import interrupt
-from phalanx.scenario.attack import Attack
-from phalanx.scenario.load import load
-from phalanx.schema.user_code import imported_sources
-from phalanx.studies.row import (
+from phalanx_studies.row import (
     BROKEN,
     Identity,
     Row,
@@ -26,8 +21,14 @@ from phalanx.studies.row import (
     row_from,
     versions,
 )
-from phalanx.studies.store import Store
-from phalanx.studies.work import Executing, Job, Task, compute
+from phalanx_studies.store import Store
+from phalanx_studies.work import Executing, Job, Task, compute
+
+from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher import interrupt
+from phalanx.scenario.attack import Attack
+from phalanx.scenario.load import load
+from phalanx.schema.user_code import imported_sources
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx_attacks.archive import Archive, Find, find_of
 from phalanx_attacks.knobs import Fields, Point, Space

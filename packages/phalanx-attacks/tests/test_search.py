@@ -10,12 +10,12 @@ from phalanx_attacks.archive import Archive, Behaviour, Find, find_of, write_fin
 from phalanx_attacks.optimisers import OPTIMISERS
 from phalanx_attacks.runner import attack
 from phalanx_attacks.search import Options
+from phalanx_studies.row import Identity, Row, json_text
+from phalanx_studies.store import StudyError
 
 import phalanx
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import scenario_text
-from phalanx.studies.row import Identity, Row, json_text
-from phalanx.studies.store import StudyError
 from tests.layers import layered
 from tests.weak_swarm import weak
 

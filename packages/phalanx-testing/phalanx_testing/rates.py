@@ -3,9 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
+from phalanx_studies.statistics import LEVEL, Interval, beta_mixture
+
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.simulation import Simulation
-from phalanx.studies.statistics import LEVEL, Interval, beta_mixture
 from phalanx.swarm.runnable import shared_rows
 from phalanx_testing.conditions import Source, faulty
 

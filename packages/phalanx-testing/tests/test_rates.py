@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from phalanx_studies.statistics import beta_mixture
 from phalanx_testing import RateStudy
 from phalanx_testing.rates import decided, runs_to_decide
 
 from phalanx.extend import Array, TrackVelocity, View
-from phalanx.studies.statistics import beta_mixture
+from tests.synthetic_studies import draws, most_misses
 from tests.unit.crossing import CROSSING, UNFILTERED
-from tests.unit.studies.test_statistics import draws, most_misses
 
 LOOKS = np.arange(5, 501, 5)
 

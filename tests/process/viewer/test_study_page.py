@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from phalanx_studies.page.write import write_study_page
 
-from phalanx.studies.page.write import write_study_page
-from tests.unit.studies.frames import frame
+from tests.synthetic_studies import frame
 
 pytestmark = pytest.mark.browser
 

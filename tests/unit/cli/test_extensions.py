@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
+import phalanx
 from phalanx.cli import app
 from phalanx.cli.app import USAGE_ERROR, extended, status
 from phalanx.cli.jobs import Job
@@ -134,7 +135,7 @@ def test_what_an_extension_offers_is_found_by_its_name(install):
 
 def test_a_command_without_its_library_says_which_extra_brings_it(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "polars", None)
-    monkeypatch.delitem(sys.modules, "phalanx.studies.study", raising=False)
+    monkeypatch.delitem(sys.modules, "phalanx_studies.study", raising=False)
     assert status(["study", "unicycles"]) == 3
     assert capsys.readouterr().err == "needs polars: pip install '.[lab]'\n"
 
@@ -143,11 +144,17 @@ def test_an_extension_of_a_package_that_is_not_installed_says_which(monkeypatch)
     monkeypatch.setattr(extensions, "entry_points", lambda **_: ())
     with pytest.raises(MissingExtensionError, match=r"pip install \./packages/phalanx-mcap$"):
         extension("mcap")
+    with pytest.raises(MissingExtensionError, match=r"pip install \./packages/phalanx-studies$"):
+        _ = phalanx.study
 
 
 def test_a_command_of_a_package_that_is_not_installed_says_which(monkeypatch, capsys):
     monkeypatch.setattr(app.extensions, "commands", list)
     assert status(["certify", "runs/x"]) == 3
-    assert (
-        "needs phalanx-certify: pip install ./packages/phalanx-certify" in capsys.readouterr().err
+    assert capsys.readouterr().err.endswith(
+        "needs phalanx-certify: pip install ./packages/phalanx-certify\n"
+    )
+    assert status(["attack", "weak"]) == 3
+    assert capsys.readouterr().err.endswith(
+        "needs phalanx-attacks: pip install ./packages/phalanx-studies ./packages/phalanx-attacks\n"
     )

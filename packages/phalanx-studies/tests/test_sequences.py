@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from phalanx_studies.statistics import betting, clopper_pearson
 
-from phalanx.studies.statistics import betting, clopper_pearson
 from tests.layers import layered
-from tests.unit.studies.test_statistics import draws, misses, most_misses
+from tests.synthetic_studies import draws, misses, most_misses
 
 
 def seeds_of_rows(kind: str, studies: np.ndarray) -> tuple[np.ndarray, float]:

@@ -15,10 +15,10 @@ from phalanx.launcher.simulation import RecordsInMemory, Simulation
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
-from phalanx.studies.row import BROKEN, REFUSED, Identity, Row, row_of
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import shared_rows
 from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx_studies.row import BROKEN, REFUSED, Identity, Row, row_of
 
 MOST_ATTEMPTS = 3
 """Attempts at a run whose worker dies."""

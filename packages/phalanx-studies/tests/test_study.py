@@ -4,14 +4,14 @@ import json
 import re
 
 import pytest
+from phalanx_studies.plan import Plan, plan_from
+from phalanx_studies.row import Identity, Row, without_effect
+from phalanx_studies.store import Store
+from phalanx_studies.study import Study, open_study, study
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.scenario.load import read_table, scenario_text
 from phalanx.scenario.model import ScenarioError
-from phalanx.studies.plan import Plan, plan_from
-from phalanx.studies.row import Identity, Row, without_effect
-from phalanx.studies.store import Store
-from phalanx.studies.study import Study, open_study, study
 
 
 def studied(folder, plan: Plan, outcomes: dict[int, str], **fields: object) -> Study:

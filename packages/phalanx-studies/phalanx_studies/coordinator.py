@@ -10,8 +10,8 @@ from typing import NamedTuple
 from phalanx.launcher import interrupt
 from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.schema.user_code import imported_sources
-from phalanx.studies.plan import Case, Plan
-from phalanx.studies.row import (
+from phalanx_studies.plan import Case, Plan
+from phalanx_studies.row import (
     BROKEN,
     REFUSED,
     Identity,
@@ -21,8 +21,8 @@ from phalanx.studies.row import (
     json_text,
     versions,
 )
-from phalanx.studies.store import Store
-from phalanx.studies.work import Executing, Job, Task, compute
+from phalanx_studies.store import Store
+from phalanx_studies.work import Executing, Job, Task, compute
 
 
 def identity_of(plan: Plan, case: Case) -> tuple[Identity, dict[str, bytes], str]:

@@ -1,10 +1,11 @@
-"""Frames of made-up studies."""
+"""Made-up studies whose truth is known: frames, and draws of many at once."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import polars as pl
+from scipy.stats import binom
 
 from phalanx.recording.metrics.table import METRICS
 
@@ -45,3 +46,23 @@ def study(seeds: int = 100) -> pl.DataFrame:
                 }
             )  # fmt: skip
     return frame(rows)
+
+
+STUDIES = 1000
+"""Number of studies of which an interval's misses are counted."""
+
+
+def draws(*shape: int, seed: int = 0) -> np.ndarray:
+    """Uniform draws for all studies, shape (STUDIES, *shape)."""
+    return np.random.default_rng(seed).random((STUDIES, *shape))
+
+
+def most_misses(level: float = 0.95) -> int:
+    """The number of misses that an interval that covers so often exceeds once in 10 000 times."""
+    return int(binom.ppf(1.0 - 1e-4, STUDIES, 1.0 - level))
+
+
+def misses(interval, truth: float) -> np.ndarray:
+    """True where an interval does not hold the truth."""
+    low, high = interval
+    return (np.asarray(low) > truth) | (np.asarray(high) < truth)

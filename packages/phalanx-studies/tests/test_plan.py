@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from phalanx.scenario.load import load
-from phalanx.scenario.model import ScenarioError
-from phalanx.studies.plan import (
+from phalanx_studies.plan import (
     Distribution,
     distribution_from,
     plan_from,
@@ -17,7 +14,10 @@ from phalanx.studies.plan import (
     seeds_from,
     values_from,
 )
-from phalanx.studies.store import plan_text
+from phalanx_studies.store import plan_text
+
+from phalanx.scenario.load import load
+from phalanx.scenario.model import ScenarioError
 
 LOSSES, MODELS = [0.0, 0.1, 0.3], ["paper", "split"]
 GRID = {

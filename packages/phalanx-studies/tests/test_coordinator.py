@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import polars as pl
 import pytest
+from phalanx_studies.coordinator import Coordinator, StudyProgress, identity_of
+from phalanx_studies.plan import plan_from
+from phalanx_studies.row import Row, digest_of_scenario
+from phalanx_studies.store import Store
+from phalanx_studies.work import MOST_ATTEMPTS, Job, compute
 
 from phalanx.scenario.load import load
-from phalanx.studies.coordinator import Coordinator, StudyProgress, identity_of
-from phalanx.studies.plan import plan_from
-from phalanx.studies.row import Row, digest_of_scenario
-from phalanx.studies.store import Store
-from phalanx.studies.work import MOST_ATTEMPTS, Job, compute
 
 PLAN = {"scenario": "guaranteed", "overrides": {"duration": 0.02}}
 

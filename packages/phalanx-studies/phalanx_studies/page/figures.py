@@ -12,9 +12,9 @@ from matplotlib.ticker import PercentFormatter
 from phalanx.guarantee.verdict import Outcome
 from phalanx.network.draws import Draws
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels
-from phalanx.studies.page.groups import Group, in_percent
-from phalanx.studies.statistics import dkw_band
 from phalanx.theory.arrays import Array
+from phalanx_studies.page.groups import Group, in_percent
+from phalanx_studies.statistics import dkw_band
 
 _LOOKS = {
     Outcome.GUARANTEED: ("#1a7f46", "o"),

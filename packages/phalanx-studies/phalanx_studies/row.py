@@ -20,13 +20,14 @@ import phalanx_plant
 import polars as pl
 
 import phalanx
+import phalanx_studies
 from phalanx.guarantee.verdict import Summary
 from phalanx.recording.metrics.table import METRICS, SWARM, metrics_of
 from phalanx.recording.read import Recording
 from phalanx.scenario.model import Scenario, digest
-from phalanx.studies.plan import as_text
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import EMPTY
+from phalanx_studies.plan import as_text
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
 """Those that may change a trajectory, or the scenario that is run."""
@@ -64,7 +65,7 @@ def digest_of_modules(sources: Mapping[str, bytes]) -> str:
 def versions() -> str:
     """Return one digest of Phalanx's sources and the versions of the libraries that compute."""
     sources: dict[str, str] = {}
-    for package in (phalanx, phalanx_agent, phalanx_plant):
+    for package in (phalanx, phalanx_agent, phalanx_plant, phalanx_studies):
         folder = Path(package.__path__[0])
         for file in sorted(f for f in folder.rglob("*") if f.suffix in _LANGUAGES):
             name = f"{package.__name__}/{file.relative_to(folder).as_posix()}"

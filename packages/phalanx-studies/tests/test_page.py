@@ -3,17 +3,15 @@
 import base64
 import html
 import re
-import tomllib
 import xml.etree.ElementTree as ET
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import polars as pl
 import pytest
+from phalanx_studies.page.write import MOST_LISTED, study_rates, write_study_page
 
 from phalanx.report.style import DARK
-from phalanx.studies.page.write import MOST_LISTED, study_rates, write_study_page
-from tests.unit.studies.frames import frame, study
+from tests.synthetic_studies import frame, study
 
 pytestmark = pytest.mark.slow
 
@@ -179,10 +177,3 @@ def test_a_notebook_shows_the_same_rates(markup):
     cells = re.findall(r"[\d.]+ % \[[\d., ]+\]", short)
     assert len(cells) == 7 * 3
     assert all(cell in markup for cell in cells)
-
-
-def test_the_core_finds_the_page_by_its_name():
-    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
-    entries = project["project"]["entry-points"]["phalanx.extensions"]
-    for name, function in {"study-page": write_study_page, "study-rates": study_rates}.items():
-        assert EntryPoint(name, entries[name], "phalanx.extensions").load() is function

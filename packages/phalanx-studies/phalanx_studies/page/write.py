@@ -11,10 +11,10 @@ import polars as pl
 from phalanx.guarantee.verdict import Outcome
 from phalanx.report.html import drawing, note, save_page, section, sortable, table
 from phalanx.schema.notebook import html_table
-from phalanx.studies.page.figures import distribution_figure, heat_figure, rates_figure
-from phalanx.studies.page.groups import Group, by_axis, group, in_percent, labels, outcomes_of
-from phalanx.studies.row import REFUSED, counted, without_effect
-from phalanx.studies.statistics import Rate
+from phalanx_studies.page.figures import distribution_figure, heat_figure, rates_figure
+from phalanx_studies.page.groups import Group, by_axis, group, in_percent, labels, outcomes_of
+from phalanx_studies.row import REFUSED, counted, without_effect
+from phalanx_studies.statistics import Rate
 
 MOST_LISTED = 500
 _MOST_MAPS = 3

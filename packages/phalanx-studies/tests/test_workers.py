@@ -13,11 +13,12 @@ from pathlib import Path
 
 import psutil
 import pytest
+from phalanx_studies.pool import Pool
+from phalanx_studies.study import Study
 
 import phalanx
 from phalanx.cli.app import status
 from phalanx.scenario.load import inline
-from phalanx.studies.pool import Pool
 from tests.process.runs import wait_for
 
 SHORT = {"duration": 0.2}
@@ -67,7 +68,7 @@ def killer(tmp_path, monkeypatch):
     return {**SHORT, "agents.1.law": {"type": "killer_law:Killer", "file": str(deaths)}}, deaths
 
 
-def results(study: phalanx.Study) -> list[tuple[object, ...]]:
+def results(study: Study) -> list[tuple[object, ...]]:
     """Return what of a study's rows must not depend on who computed them."""
     columns = [
         *study.axes,

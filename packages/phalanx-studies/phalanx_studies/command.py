@@ -13,8 +13,8 @@ from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
-    from phalanx.studies.plan import Plan
-    from phalanx.studies.study import Study
+    from phalanx_studies.plan import Plan
+    from phalanx_studies.study import Study
 
 _OPEN = "open"
 
@@ -87,7 +87,7 @@ def study(
         return _open(folder)
     if folder is not None:
         raise typer.BadParameter("FOLDER: expected after `phalanx study open`")
-    from phalanx.studies.study import study as run_study
+    from phalanx_studies.study import study as run_study
 
     plan = _plan(scenario, seeds, vary, draw, draws, overrides)
     target = out or Path("studies") / plan.name
@@ -101,7 +101,7 @@ def _plan(
     draws: int | None, overrides: Sequence[str] | None,
 ) -> "Plan":  # fmt: skip
     from phalanx.scenario.load import field_and_value
-    from phalanx.studies.plan import distribution_from, plan_from, read_plan, values_from
+    from phalanx_studies.plan import distribution_from, plan_from, read_plan, values_from
 
     if Path(scenario).name == "study.toml":
         if seeds is not None or vary or draw or draws or overrides:
@@ -136,7 +136,7 @@ def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]
 
 
 def _open(folder: Path | None) -> int:
-    from phalanx.studies.study import open_study
+    from phalanx_studies.study import open_study
 
     if folder is None:
         raise typer.BadParameter("open: expected the folder of a study")
@@ -147,7 +147,7 @@ def _open(folder: Path | None) -> int:
 @contextmanager
 def _refusals() -> Iterator[None]:
     """Make errors of the study's folder those of an argument, and say what Ctrl-C has left."""
-    from phalanx.studies.store import StudyError
+    from phalanx_studies.store import StudyError
 
     try:
         yield
@@ -164,7 +164,7 @@ def _print_rates(result: "Study") -> int:
     from rich.console import Console
 
     from phalanx.cli.display import TextTable
-    from phalanx.studies.row import without_effect
+    from phalanx_studies.row import without_effect
 
     table = TextTable(
         *result.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"

@@ -5,12 +5,12 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from phalanx_studies.page.figures import one_of_each_seed, short
+from phalanx_studies.page.groups import MOST_GROUPS, by_axis, group, labels
+from phalanx_studies.row import counted
+from phalanx_studies.statistics import betting, clopper_pearson
 
-from phalanx.studies.page.figures import one_of_each_seed, short
-from phalanx.studies.page.groups import MOST_GROUPS, by_axis, group, labels
-from phalanx.studies.row import counted
-from phalanx.studies.statistics import betting, clopper_pearson
-from tests.unit.studies.frames import frame
+from tests.synthetic_studies import frame
 
 
 @pytest.mark.parametrize(

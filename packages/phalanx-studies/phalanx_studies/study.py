@@ -21,14 +21,13 @@ from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run
 from phalanx.launcher.run import run as run_scenario
 from phalanx.scenario.model import Scenario
-from phalanx.schema.extensions import extension
 from phalanx.schema.registry import as_table
-from phalanx.studies.coordinator import Coordinator, Progress, StudyProgress
-from phalanx.studies.plan import Plan, as_text, plan_from, read_plan
-from phalanx.studies.pool import Pool
-from phalanx.studies.row import counted, json_text
-from phalanx.studies.statistics import rate
-from phalanx.studies.store import PLAN, Store
+from phalanx_studies.coordinator import Coordinator, Progress, StudyProgress
+from phalanx_studies.plan import Plan, as_text, plan_from, read_plan
+from phalanx_studies.pool import Pool
+from phalanx_studies.row import counted, json_text
+from phalanx_studies.statistics import rate
+from phalanx_studies.store import PLAN, Store
 
 
 def study(
@@ -223,11 +222,12 @@ class Study:
 
         Raises OSError.
         """
-        written: Path = extension("study-page")(
+        from phalanx_studies.page.write import write_study_page
+
+        return write_study_page(
             self.frame, self.axes, self.folder.name, Path(path or self.folder / "study.html"),
             lambda row: self.command(row["index"]),
         )  # fmt: skip
-        return written
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {outcome}" for outcome, n in self.outcomes.most_common())
@@ -235,8 +235,9 @@ class Study:
 
     def _repr_html_(self) -> str:
         """Return the rates over each axis for a notebook."""
-        html: str = extension("study-rates")(self.frame, self.axes)
-        return html
+        from phalanx_studies.page.write import study_rates
+
+        return study_rates(self.frame, self.axes)
 
 
 def _source(scenario: Scenario | str | Path | Mapping[str, Any]) -> Any:

@@ -86,7 +86,7 @@ class Pool(ThreadPoolExecutor):
         finally:
             with self._lock:
                 self._busy.remove(worker)
-        self._idle.append(worker)  # only now: whoever takes it counts it as busy again
+        self._idle.append(worker)  # only now: the next taker counts it as busy again
         if error is not None:
             raise error
         return result

@@ -4,11 +4,11 @@ import resource
 
 import polars as pl
 import pytest
+from phalanx_studies.plan import plan_from
+from phalanx_studies.row import Identity, Row, versions
+from phalanx_studies.store import ROWS, Store, StudyError
 
 import phalanx
-from phalanx.studies.plan import plan_from
-from phalanx.studies.row import Identity, Row, versions
-from phalanx.studies.store import ROWS, Store, StudyError
 
 PLAN = plan_from({"scenario": "unicycles"})
 

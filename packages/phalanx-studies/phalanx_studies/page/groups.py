@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.studies.statistics import Rate, rate
+from phalanx_studies.statistics import Rate, rate
 
 MOST_GROUPS = 12
 """Most values of an axis that are shown one by one."""

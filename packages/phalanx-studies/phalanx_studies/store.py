@@ -18,8 +18,8 @@ import polars as pl
 import tomli_w
 
 from phalanx.native.files import whole_file
-from phalanx.studies.plan import Plan
-from phalanx.studies.row import (
+from phalanx_studies.plan import Plan
+from phalanx_studies.row import (
     SCHEMA,
     Identity,
     Row,

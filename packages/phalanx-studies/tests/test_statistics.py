@@ -6,28 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binom, binomtest
+from phalanx_studies.statistics import beta_mixture, betting, clopper_pearson, dkw_band, rate
+from scipy.stats import binomtest
 
-from phalanx.studies.statistics import beta_mixture, betting, clopper_pearson, dkw_band, rate
+from tests.synthetic_studies import draws, misses, most_misses
 
-STUDIES = 1000
 LEVELS = st.sampled_from([0.5, 0.9, 0.95, 0.999])
-
-
-def draws(*shape: int, seed: int = 0) -> np.ndarray:
-    """Uniform draws for all studies, shape (STUDIES, *shape)."""
-    return np.random.default_rng(seed).random((STUDIES, *shape))
-
-
-def most_misses(level: float = 0.95) -> int:
-    """The number of misses that an interval that covers so often exceeds once in 10 000 times."""
-    return int(binom.ppf(1.0 - 1e-4, STUDIES, 1.0 - level))
-
-
-def misses(interval, truth: float) -> np.ndarray:
-    """True where an interval does not hold the truth."""
-    low, high = interval
-    return (np.asarray(low) > truth) | (np.asarray(high) < truth)
 
 
 @st.composite

@@ -5,12 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 import casadi as ca
 import msgspec
 import pytest
+from phalanx_studies.row import Identity, row_of
+from phalanx_studies.work import Job, compute
 
 import phalanx
 from phalanx.recording.read import swarm_of
 from phalanx.scenario.load import read_table
-from phalanx.studies.row import Identity, row_of
-from phalanx.studies.work import Job, compute
 from tests.layers import layered
 
 
