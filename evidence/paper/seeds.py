@@ -114,7 +114,7 @@ def read_results(folder: Path, variants: Iterable[str], seeds: Iterable[int]) ->
 
 def result(scenario: str, overrides: Sequence[str] = (), seed: int | None = None) -> Result:
     """Run a shipped scenario and return its result."""
-    run = phalanx.run(phalanx.load(scenario, overrides, seed), engine="in-process")
+    run = phalanx.run(phalanx.load(scenario, overrides, seed), engine="native")
     assert run.summary is not None
     swarm = build_swarm(run.recording.scenario)
     tau = {swarm.names[i]: swarm.horizon(i) for i in swarm.normal}

@@ -62,16 +62,15 @@ class _Twins:
 
     def _compare(self, i: int, sample: Sample) -> None:
         """Have agent i answer its sample, and compare its input with the twin's."""
-        attacks = sample.commands is not None and sample.commands.adversary
-        if i not in self._twins or attacks:
-            self._answer(i, sample)
-            return
-        x, t = self._states.unpack(sample.x, sample.seen), sample.t
-        twin = self._twins[i](x, sample.seen, t, self._present(i, t)).decision.u
+        turned = sample.commands is not None and sample.commands.adversary
+        if normal := i in self._twins and not turned:
+            x = self._states.unpack(sample.x, sample.seen)
+            twin = self._twins[i](x, sample.seen, sample.t, self._present(i, sample.t)).decision.u
         self._answer(i, sample)
         self._decided[i] = u = self._run.agents.decided(i)
-        change = float(length(u - twin)) / self._widths[i]
-        self.effects.append(StepEffect(self._swarm.names[i], t, change))
+        if normal:
+            change = float(length(u - twin)) / self._widths[i]
+            self.effects.append(StepEffect(self._swarm.names[i], sample.t, change))
 
     def _present(self, i: int, t: float) -> Mapping[int, Statement]:
         """Return what agent i would receive at t [s] over a network without delay and loss."""

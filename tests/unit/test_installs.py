@@ -12,19 +12,8 @@ from phalanx.schema.extensions import HERE
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-FOLDERS = [
-    "phalanx",
-    "agent",
-    "plant",
-    "viewer",
-    "docs",
-    "examples",
-    "scenarios",
-    "tests",
-    "bench",
-    "evidence",
-    "packages",
-]
+FOLDERS = ["phalanx", "agent", "plant", "viewer", "docs", "examples", "scenarios", "tests",
+           "bench", "evidence", "packages"]  # fmt: skip
 IGNORED = {"pyproject.toml", Path(__file__).name}
 KINDS = {".py", ".md", ".toml", ".ipynb", ".html", ".yml", ".yaml"}
 FROM_AN_INDEX = re.compile(

@@ -29,6 +29,13 @@ def test_where_received_inputs_are_believed_their_loss_has_one():
     assert effects("unicycles", network__loss=0.9).mean() > 0.0
 
 
+def test_of_an_agent_that_turned_twins_get_what_it_applies():
+    steps = network_effect(phalanx.load("faults/turn"))
+    late = [step.effect for step in steps if step.t > 0.5]  # it turned at 0.4 s
+    assert len(late) > 40
+    assert sum(effect > 0.0 for effect in late) < 0.1 * len(late)
+
+
 def test_by_radio_it_grows_with_the_time_between_broadcasts_and_with_their_loss():
     def mean(**fields: object) -> float:
         scenario = phalanx.load("radio", {**PERFECT, "duration": 1.5, **fields})
