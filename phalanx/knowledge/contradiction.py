@@ -56,7 +56,8 @@ def unreached(motion: Motion, older: Array, newer: Array, time: Array, late: flo
     whole = Held(*(factor[:, -1:] for factor in first))
     p, v = halves(newer[:, None] - moved(older[:, None], np.zeros(axes), whole))
     fastest = push if motion.jumps else np.abs(newer[:, axes:]).max(axis=1)[:, None, None]
-    fastest = fastest + motion.speed_error + late * push
+    # Without an input it was faster before: drag slows it.
+    fastest = (fastest + motion.speed_error + late * push) / motion.held(np.array(late)).decay
     p_error = 2.0 * motion.position_error + whole.speed * motion.speed_error + late * fastest
     p_error = p_error + (time + late) * motion.disturbance
     v_error = motion.speed_error + late * (push + motion.drag * fastest)

@@ -235,6 +235,14 @@ def test_each_component_of_an_input_is_to_be_in_u(component, sign):
     assert motion.admits(u).tolist() == [True, False]
 
 
+def test_an_input_that_took_effect_between_two_recorded_states_is_not_decided(unicycles):
+    recording = unicycles.recording
+    missing = next(s.t_apply for s in recording.steps if s.t > 1.0 and s.agent == "2")
+    states = [state for state in recording.states if state.t != missing]
+    with pytest.raises(UndecidedError, match="an input in a state not recorded"):
+        certify(recording.scenario, states, recording.steps)
+
+
 def test_a_silent_agent_leaves_a_gap_where_its_last_certificate_ends(tmp_path):
     freeze = CommandPolicy(schedule=(Command(0.5, CommandKind.FREEZE, "1"),))
     scenario = load("unicycles", overrides={"duration": 1.5})

@@ -129,12 +129,15 @@ def test_the_verdict_is_the_last_line_of_the_log(exported, finished):
 
 
 def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_path):
+    turn = Command(1.2, CommandKind.TURN, "1")
     frozen = Command(0.1, CommandKind.FREEZE, "1")
     faulty = phalanx.run(
         phalanx.load("surrounded", ["duration=1.5"]),
         engine="in-process",
         out=tmp_path,
-        commands=phalanx.CommandPolicy(schedule=(frozen, Command(0.2, CommandKind.THAW, "1"))),
+        commands=phalanx.CommandPolicy(
+            schedule=(frozen, Command(0.2, CommandKind.THAW, "1"), turn)
+        ),
     )
     (path,) = run(faulty.recording, mcap=tmp_path / "shown.mcap")
     levels = {line.message: line.Level.Name(line.level) for line in of(path, "/log")}
@@ -142,3 +145,5 @@ def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_pa
     assert levels["agent 1 thawed"] == "INFO"
     assert levels["1-2 left the safe set"] == "ERROR"
     assert {level for text, level in levels.items() if text.startswith("failed: ")} == {"WARNING"}
+    red = [t for topic, _, t, m in messages(path) if topic == "/scene" if "1-2" in str(m.entities)]
+    assert 1.0 < min(red) < max(red) < 1.2, "from then on it is a pair of two that attack"

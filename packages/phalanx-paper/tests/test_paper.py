@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from phalanx_paper import runs
 from phalanx_paper.figures import FIGURES
 from phalanx_paper.page import claims
-from phalanx_paper.runs import CASES, Finished, finish
+from phalanx_paper.runs import CASES, Case, Finished, finish
 
 from phalanx.cli.app import status
 from phalanx.report.style import ADVERSARY, NORMAL
@@ -81,6 +82,12 @@ def test_one_command_makes_a_page_of_all_figures_and_names_what_differs(tmp_path
     assert re.search(r"figure 3: largest h_tot -\S+$", printed, re.MULTILINE)
     text = (tmp_path / "paper.html").read_text("utf-8")
     assert all(case.command() in text for case in CASES.values())
+
+
+def test_a_cases_own_fields_come_before_those_of_every_case(monkeypatch, tmp_path):
+    monkeypatch.setattr(runs, "CASES", {"a": Case("A", "one-on-one", {"duration": 0.01})})
+    ((_, run),) = finish(tmp_path, {"duration": 0.02}, None, lambda _: None)
+    assert run.summary.t == 0.01
 
 
 def test_another_paper_is_refused(capsys):

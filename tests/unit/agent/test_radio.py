@@ -101,12 +101,13 @@ def test_what_a_peer_said_is_not_forgotten_when_its_broadcasts_count_no_more(pee
     "spoilt",
     [
         broadcast(10, x=(0.0,) * 3),
+        msgspec.structs.replace(broadcast(10), z=(0.0,) * 3),
         broadcast(10, statement(9, 0)),
         broadcast(10, statement(2, 0, x=(0.0,) * 6)),
         broadcast(10, statement(2, 10**6)),
         broadcast(10, *[statement(2, k) for k in range(8)]),
     ],
-    ids=["own state", "of nobody", "of another size", "of the future", "too many relays"],
+    ids=["own state", "reference", "of nobody", "another size", "the future", "too many relays"],
 )
 def test_a_broadcast_that_its_sender_cannot_make_is_refused(spoilt: Broadcast):
     step = ControlStep(rows_of_scenario("radio"), 0)

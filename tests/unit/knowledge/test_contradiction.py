@@ -55,6 +55,17 @@ def test_true_states_never_contradict_one_another(kind, draw):
         assert contradiction(motion, older, newer, stamp_error=0.02) <= 0.0
 
 
+@pytest.mark.parametrize("stamps", [(0.02, -0.02), (-0.02, 0.02)])
+@pytest.mark.parametrize(("speed", "drag"), [(30.0, 1.5), (2.0, 15.0)])
+def test_one_that_coasts_with_drag_does_not_contradict_itself_by_its_stamps(speed, drag, stamps):
+    motion, begin = PointMotion(2, 0.01, drag, 0.0, longest=0.05, shortest=0.02), np.zeros(4)
+    begin[2] = speed
+    for time in (0.1, 0.3, 1.0):
+        (end,) = path(begin, np.zeros((1, 2)), time, motion)
+        older, newer = state(stamps[0], begin), state(time + stamps[1], end)
+        assert contradiction(motion, older, newer, stamp_error=0.02) <= 0.0
+
+
 def test_the_ends_of_larger_inputs_do():
     rng = np.random.default_rng(6)
     for motion in (draw for draw in [draw_motion(rng) for _ in range(10)] for _ in range(20)):

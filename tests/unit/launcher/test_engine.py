@@ -13,6 +13,7 @@ import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.launcher.engine import ENGINES, EngineEntry, RunOptions
 from phalanx.launcher.libraries import _PROGRAMS
+from phalanx.launcher.processes import _may_lose
 from phalanx.launcher.programs import PROGRAMS
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 
@@ -43,6 +44,25 @@ def test_an_unknown_engine_is_refused_with_a_list_of_engines(
         assert status([*command, "--engine", "warp"]) == USAGE_ERROR
         # In a terminal the message is broken into lines.
         assert expected in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+KILL = {"kind": "kill", "at": 0.5, "agents": ["1"]}
+SCHEDULED = (phalanx.Command(0.5, phalanx.CommandKind.KILL, "1"),)
+
+
+@pytest.mark.parametrize(
+    ("options", "fault", "may"),
+    [
+        ({}, {"kind": "turn", "at": 0.5, "agents": ["1"]}, False),
+        ({}, KILL, True),
+        ({"commands": phalanx.CommandPolicy(schedule=SCHEDULED)}, None, True),
+        ({"commands": phalanx.CommandPolicy(secret=b"s")}, None, True),
+        ({"real_time": 1.0}, None, True),
+    ],
+)
+def test_a_run_survives_the_death_of_a_process_that_it_may_have_killed(options, fault, may):
+    scenario = phalanx.load("unicycles", {"faults": [fault] if fault else []})
+    assert _may_lose(scenario, RunOptions("processes", **options)) == may
 
 
 @pytest.mark.slow

@@ -142,6 +142,7 @@ def test_all_others_have_a_reason_in_words():
         ({"safety.information": "unknown", "safety.eta": 1.0}, "its information model"),
         ({"reseed": [{"at": 0.01, "seed": 2}]}, "its seed changes"),
         ({"network.sample.loss": 0.5}, "links on board 1 have rules"),
+        ({"safety.watch": True}, "agents prove, watch or keep a fallback"),
     ],
 )
 def test_what_is_not_eligible_runs_in_process_and_the_log_says_why(overrides, why, caplog):

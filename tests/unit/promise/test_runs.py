@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from phalanx_plant.judge.promise import PromiseLedger
 from phalanx_plant.world.events import InputApplied
+from phalanx_plant.world.world import DisturbanceKnot
 
 from phalanx.guarantee.check import check
 from phalanx.guarantee.promise import grades
@@ -128,6 +129,15 @@ def ledger_after(t: float) -> PromiseLedger:
         ledger.sampled(0, at)
         ledger.applied(InputApplied(0, 0, at, at, np.array(u)), x, truthful=True)
     return ledger
+
+
+@pytest.mark.parametrize(("pushed", "breaks"), [("a", ["a"]), ("rogue", ["a", "b"])])
+def test_a_disturbance_above_its_bound_breaks_its_agents_promise_and_a_rogues_all(pushed, breaks):
+    swarm = build_swarm(scenario())
+    ledger, phi = PromiseLedger(swarm), np.zeros(len(swarm.start()))
+    phi[swarm.safe_set.parts[swarm.names.index(pushed)].start] = 0.06
+    ledger.disturbed(DisturbanceKnot(0.0, phi))
+    assert [b.agent for b in ledger.summary(0.0, []).broken] == breaks
 
 
 @pytest.mark.parametrize(("at", "broken"), [(0.02, True), (0.06, False)])

@@ -14,6 +14,7 @@ from phalanx.cli.app import FAILED, status
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
 from phalanx.recording.write import RecordingWriter
+from phalanx.report.html import table
 from phalanx.report.safety import worst
 from phalanx.report.write import REPORT, write_report
 from phalanx.scenario.load import load
@@ -52,6 +53,14 @@ def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
     assert len(sources) == len(images) == 11
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "//" not in re.sub(r"base64,[^\"]+", "", page)
+
+
+def test_a_table_says_how_many_rows_it_leaves_out_of_those_that_there_are():
+    rows = [(str(k), "x") for k in range(3)]
+    for total, most, omitted in ((None, 3, 0), (None, 2, 1), (7, 2, 5), (7, 4, 4)):
+        written = table(("k", ""), rows, total, most)
+        assert written.count('<tr><th scope="row">') == min(3, most)
+        assert re.findall(r"and (\d+) more", written) == ([str(omitted)] if omitted else [])
 
 
 def test_hostile_text_stays_text(reported: Path) -> None:

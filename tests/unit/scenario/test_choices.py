@@ -166,12 +166,12 @@ def output_points(states, cart: str) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_random_obstacles_keep_apart_and_clear_of_every_start(seed):
-    scenario = load("formation3d", seed=seed)
+    scenario = load("formation3d", ["scatter.along=[0.0, 0.5]", "scatter.apart=5.0"], seed=seed)
     centers = np.array([o.center for o in scenario.obstacles])
     starts = build_swarm(scenario).start().reshape(8, 6)[:, :3]
     between = np.linalg.norm(centers[:, None] - centers[None], axis=2) + 1e9 * np.eye(10)
     assert len(centers) == 10
-    assert between.min() >= 10.0
+    assert between.min() >= 5.0
     assert np.linalg.norm(centers[:, None] - starts[None], axis=2).min() >= 25.0
 
 

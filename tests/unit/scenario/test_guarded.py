@@ -1,5 +1,7 @@
 """Objects of users' classes, whatever their kind: each call of a method is guarded."""
 
+import itertools
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +10,7 @@ import pytest
 
 from phalanx.network.rule import Message, Rule
 from phalanx.schema.registry import construct
-from phalanx.swarm.watchdog import endless_loops
+from phalanx.swarm.watchdog import Watchdog, endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.laws.goals import Reference
 from phalanx.theory.laws.law import Controller, Law
@@ -90,6 +92,22 @@ def test_a_method_that_does_not_return_is_named(kind, method):
     with endless_loops(0.02):
         said = mistake(getattr(instance(kind, "hangs"), method))
     assert "expected no error, got an endless loop, or too slow (" in said
+
+
+def test_one_wait_after_another_is_no_long_one():
+    waits, polls, over = [*map(str, range(50)), "the last"], itertools.count(), threading.Event()
+    stalled = []
+
+    def waiting():
+        return {"1": waits[min(next(polls), 50)]}
+
+    def stall(*what):
+        stalled.append(what)
+        over.set() if what[2] else None
+
+    with Watchdog(0.02, waiting, stall):
+        assert over.wait(60.0)
+    assert stalled[:2] == [("1", "the last", False), ("1", "the last", True)]
 
 
 @pytest.mark.parametrize(("kind", "method"), CALLS)

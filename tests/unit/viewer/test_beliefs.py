@@ -1,7 +1,9 @@
 """The plots, the film and the exported recording show what agents knew of one another by radio."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -96,6 +98,15 @@ def test_the_exported_recording_has_sets_and_ages(recorded, replay, tmp_path: Pa
     ages = [m for topic, m in decoded if topic == "/agents/1/ages"]
     assert ages[-1].n_2 == pytest.approx(replay.radio.ages(0)[1].y[-1])
     assert not ages[-1].HasField("n_1")
+
+
+@pytest.mark.slow
+def test_no_text_of_a_run_ends_the_element_of_its_page(recorded, tmp_path: Path):
+    recording, text = recorded.recording, "</script><b>"
+    summary = msgspec.structs.replace(recording.summary, reason=text)
+    (page,) = run(replace(recording, summary=summary), html=tmp_path / "run.html")
+    assert text not in page.read_text("utf-8")
+    assert r"\u003c/script>\u003cb>" in page.read_text("utf-8")
 
 
 @pytest.mark.slow

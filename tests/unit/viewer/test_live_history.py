@@ -126,6 +126,16 @@ def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> 
         np.testing.assert_array_equal(series.u_nom, [[3.3, 3.4]])
 
 
+def test_an_empty_k_i_is_plotted_at_the_next_frame_and_no_later() -> None:
+    past, backups, without_authority = LiveHistory(MODEL), (0, 1, 1, 2, 3), (0, 0, 0, 2, 2)
+    for k, counts in enumerate(zip(backups, without_authority, strict=True)):
+        empty = msgspec.structs.replace(status(0), backups=counts[0], without_authority=counts[1])
+        agents = (empty, *map(status, range(1, 5)))
+        past.add(msgspec.structs.replace(frame(float(k)), agents=agents))
+    assert past.agent(0).empty.tolist() == [0.0, 1.0, 0.0, 2.0, 1.0]
+    assert not past.agent(1).empty.any()
+
+
 def test_an_agent_without_a_step_hides_no_other() -> None:
     past = LiveHistory(MODEL)
     agents = AgentStatus(), *map(status, range(1, 5))

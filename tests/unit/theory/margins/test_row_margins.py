@@ -269,6 +269,9 @@ def test_without_an_enclosure_the_margin_is_beyond_every_row():
     row = PairRow(chain, 0, RowPart.WHOLE, 10.0, (1.0,))
     margin = CompiledFunction([composed.x], [LocalMargin().at_sample(row)])
     assert margin(np.array([0.0, 0.0, 0.0, 20.0]))[0][0] > 1e20
+    beyond_digits = [2.0**52, 0.0, 2.0**52 + 5.0, 0.0]
+    two = chain_of_integrators(Separation(1.0), 1.5, 1.5)
+    assert margin_at(beyond_digits, LocalMargin(), two, RowPart.WHOLE) == UNKNOWN
 
 
 def test_a_margin_of_micrometres_is_not_taken_for_an_unknown_one():
