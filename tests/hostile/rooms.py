@@ -27,12 +27,15 @@ ROOMS = {
     "certificate": Room(
         ("phalanx/guarantee/*.py",),
         "tests/unit/guarantee tests/unit/plant/test_claims.py tests/unit/plant/test_judge.py"
-        " tests/unit/plant/test_real_time.py tests/process/verdicts/test_check.py",
+        " tests/unit/plant/test_real_time.py tests/process/verdicts/test_check.py"
+        " tests/unit/scenario/test_user_classes.py",
     ),
     "proven-filter": Room(
         ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee"
     ),
-    "judge": Room((f"{_PLANT}/judge/*.py",), "tests/unit/plant"),
+    "judge": Room(
+        (f"{_PLANT}/judge/*.py",), "tests/unit/plant tests/unit/metrics/test_deadlock.py"
+    ),
     "certify": Room((f"{_CERTIFY}/phalanx_certify/**/*.py",), f"{_CERTIFY}/tests"),
     "fault-rules": Room(
         ("phalanx/faults/*.py", "phalanx/network/rule.py", "phalanx/network/link.py"),

@@ -2,12 +2,26 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from msgspec.structs import replace as replace_fields
 
-from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
+from phalanx.guarantee.check_report import BoundaryCondition, CheckReport, Requirement
 from phalanx.guarantee.findings import Unknown, findings, rounded
+from phalanx.guarantee.formula import boundary
+from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.start import CertifiedStart
-from phalanx.guarantee.verdict import Assumption, Deadlock, Outcome, Violation, judge
+from phalanx.guarantee.verdict import (
+    Assumption,
+    CertificateSummary,
+    Deadlock,
+    Outcome,
+    Percentiles,
+    Summary,
+    Violation,
+    judge,
+    percentiles,
+)
 from tests.unit.swarms import checked, swarm_of_scenario
 
 SWARM = swarm_of_scenario("one-on-one")
@@ -98,16 +112,107 @@ def test_it_warns_of_a_declared_attack_that_rows_do_not_cover(report, kind, info
     assert ("make adversaries of 1, and rows count on" in words) is warned
 
 
+def rows_of(report: CheckReport, *overrides: str, **changes) -> dict[str, Requirement]:
+    """Return the table's rows by their names, of a report that was changed."""
+    swarm = swarm_of_scenario("one-on-one", *overrides)
+    listed = findings(swarm, replace(report, **changes), [], None)
+    return {finding.row.name: finding.row for finding in listed if finding.row}
+
+
 @pytest.mark.parametrize(
-    ("q", "gap", "margin", "sampling", "theorem"),
-    [(1, None, "(24)", "no time is proven", "Th. 2"), (2, 0.5, "(42)", "at most 500 ms", "Th. 5")],
+    ("q", "control", "equations"),
+    [
+        (1, "distributed", ["(2)", "(30)", "(24)", "Th. 2"]),
+        (2, "distributed", ["(38)", "(44)", "(42)", "Th. 5"]),
+        (1, "centralised", ["(2)", "(28)", "(24)", "Th. 1"]),
+    ],
 )
-def test_each_requirement_names_its_equation(report, q, gap, margin, sampling, theorem):
-    listed = findings(SWARM, replace(report, relative_degree=q, largest_gap=gap), [], None)
-    rows = {finding.row.name: finding.row for finding in listed if finding.row}
-    assert rows["margin η, by the formula"].equation == margin
-    assert rows["an input is in force for"].allowed == sampling
-    assert rows["gaps in the theorem's proof"].equation == theorem
+def test_each_requirement_names_its_equation(report, q, control, equations):
+    named = "largest h at the start", "agents with an input in K_i", "margin η, by the formula"
+    rows = rows_of(report, f"safety.control={control}", relative_degree=q)
+    assert [rows[name].equation for name in (*named, "gaps in the theorem's proof")] == equations
+
+
+def test_an_input_may_be_in_force_for_as_long_as_rows_stay_solvable(report):
+    for gap, allowed, holds in (
+        (None, "no time is proven", False),
+        (0.5, "at most 500 ms", True),
+        (0.001, "at most 1 ms", False),
+    ):  # fmt: skip
+        row = rows_of(report, largest_gap=gap)["an input is in force for"]
+        assert (row.allowed, row.holds) == (allowed, holds)
+
+
+def test_a_margin_that_is_computed_may_have_any_bound_and_a_given_one_the_largest_at_least(report):
+    none, bounds = {"1": None}, {"1": 0.5, "2": 0.25}
+    (computed,) = (row for name, row in rows_of(report, eta_paper=none, eta_local=bounds).items()
+                   if name.startswith("margin"))  # fmt: skip
+    assert computed == ("margin η, at the start", "computed, 0.5 m²/s", "any bound", "(24)", True)
+    for eta, holds in ((0.5, True), (0.375, False)):
+        row = rows_of(report, eta_paper={"1": eta}, eta_local=bounds)["margin η, as a bound"]
+        assert (row.allowed, row.holds) == ("at least 0.5 m²/s", holds)
+
+
+@pytest.mark.parametrize(
+    ("q", "margin", "says"), [(1, "paper", False), (2, "paper", True), (2, "corrected", False)]
+)
+def test_the_papers_margin_leaves_out_disturbances_of_later_psi(report, q, margin, says):
+    listed = findings(
+        swarm_of_scenario("one-on-one", "safety.composition=pairs", f"safety.margin={margin}"),
+        replace(report, relative_degree=q), [], None,
+    )  # fmt: skip
+    assert ("leaves out the effect" in " ".join(sentences(listed))) is says
+
+
+def sentences(listed) -> list[str]:
+    return [sentence for finding in listed for sentence in finding.words]
+
+
+def test_what_rows_lack_for_a_proof_and_who_rests_is_said_whole(report):
+    for gaps, says in ((["a reason"], True), ([], False)):
+        said = sentences(findings(SWARM, replace(report, gaps=gaps), [], None))
+        lacking = "margin = 'integrated', information = 'split', eta = 0."
+        assert (
+            f"For proven rows set in [safety]: composition = 'pairs', {lacking}" in said
+        ) is says
+    rests = "Without goal, slots or flows: 1. A law that tracks keeps them at their start."
+    for goal, says in ((), True), (("agents.0.goal=[[3.0, 0.0]]",), False):
+        said = sentences(findings(swarm_of_scenario("one-on-one", *goal), report, [], None))
+        assert (rests in said) is says
+
+
+@pytest.mark.parametrize(
+    ("override", "gap"),
+    [
+        ("safety.alpha=[101.0]", "α_q is steeper"),
+        ("safety.neighbourhood=9.0", "with safety.neighbourhood"),
+        ("time.latency=0.002", "until time.latency is over"),
+    ],
+)
+def test_a_gap_of_the_proof_has_a_sentence_and_a_proven_scenario_none(override, gap):
+    proven = "safety.composition=pairs", "safety.margin=integrated", "safety.eta=0"
+    assert proof_gaps(swarm_of_scenario("one-on-one", *proven)) == []
+    (sentence,) = proof_gaps(swarm_of_scenario("one-on-one", *proven, override))
+    assert sentence.startswith(gap)
+
+
+@pytest.mark.parametrize("outside", [[3.0, 4.0], [0.0, -1.5]])
+def test_the_boundary_is_met_on_the_way_out_from_the_start(outside):
+    start, outside = np.array([0.5, 0.0]), np.array(outside)
+    met = boundary(lambda x: x @ x[:, None] - 1.0, start, outside)
+    assert met @ met == pytest.approx(1.0)
+    share = (met - start) / (outside - start)
+    assert share[0] == pytest.approx(share[1])
+    assert 0.0 < share[0] < 1.0
+
+
+@pytest.mark.slow
+def test_a_check_looks_at_the_boundary_from_a_start_inside_and_knows_no_margin_that_is_computed():
+    area = "workspace.x=[-3.0, 3.0]", "workspace.y=[-3.0, 3.0]"
+    computed = "safety.composition=pairs", "safety.margin=integrated", "safety.eta=0"
+    inside = checked("one-on-one", *area, *computed)
+    assert (inside.boundary.states, inside.eta_paper) == (200, {"1": None})
+    assert checked("one-on-one", *area, "agents.1.start=[[0.0, -0.9]]").boundary is None
 
 
 def test_a_pair_that_cannot_be_certified_is_named(report):
@@ -154,3 +259,39 @@ def test_what_failed_makes_a_run_safe_and_what_is_not_counted_is_named(excluded)
         assert ("sampling gap (2 of 9 checks)" in reason) == bool(assumptions)
         assert ("4-5 (from t = 1.000 s)" in reason) == bool(excluded)
         assert ("pair with a normal agent" in reason) == (excluded is not None)
+
+
+@pytest.mark.parametrize(
+    ("count", "end", "times"),
+    [
+        (1, 2.5, "0.500 s from t = 1.000 s to 2.500 s"),
+        (2, None, "0.500 s from t = 1.000 s on, in 2 excursions"),
+    ],
+)
+def test_excursions_have_their_times_and_how_many_they_were(count, end, times):
+    assert Violation("1-2", 1.0, 0.25, 1.25, 0.5, count, 2.0, end).times == times
+
+
+def test_of_a_time_the_hundredth_part_was_longer_than_its_p99():
+    some = percentiles("answer", [0.001 * k for k in range(101)])
+    assert (some.count, some.p50, some.p99, some.most) == (101, 0.05, 0.099, 0.1)
+    assert percentiles("none", []) == Percentiles("none", 0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "failed", "says"),
+    [(Outcome.GUARANTEED, 2, True), (Outcome.GUARANTEED, 0, False), (Outcome.SAFE, 2, False)],
+)
+def test_a_guarantee_says_that_the_theorem_alone_would_not_have_sufficed(outcome, failed, says):
+    theorem = [Assumption("proven margin", failed, 3), Assumption("start in S_I", 0, 1)]
+    summary = Summary(
+        outcome, "", 8.0, 0, "", -1.0, 0.0, "1-2", -1.0, 0.0, 9, {}, [], theorem,
+        CertificateSummary(), [], {}, 2.0,
+    )  # fmt: skip
+    sentence = (
+        "Proven by certificates. The paper's theorem alone would not have sufficed: "
+        "proven margin failed in 2 of 3 checks."
+    )
+    assert summary.on_theorem == (sentence if says else "")
+    assert summary.real_time_factor == 4.0
+    assert replace_fields(summary, wall_time=0.0).real_time_factor == 0.0

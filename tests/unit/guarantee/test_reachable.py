@@ -11,7 +11,7 @@ from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.recording.columns import inputs_of
 from phalanx.scenario.load import load
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.swarm import DEFECT, Swarm, build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.plant.runs import STEP
 from tests.unit.swarms import swarm_of_scenario
@@ -126,6 +126,27 @@ def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, expected):
     boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     x = np.array([0.0, 0.0, 0.0, -500.0, begin, 500.0])
     assert met(boxes, 2, np.array([0]), 0.0, x).tolist() == [expected]
+
+
+class Turned(SingleIntegrator):
+    """Its output point is turned by an angle of which there is no interval rule."""
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(x[0] + 1e-9 * ca.fabs(x[0]) ** x[1], x[1])
+
+
+def test_who_has_no_box_at_all_may_be_met_anywhere_in_a_swarm_of_one_group_too():
+    dynamics = {"type": f"{__name__}:Turned", "speed": 1.0}
+    pair = group("a b", "normal", [[0.0, 0.0], [500.0, 0.0]], dynamics=dynamics)
+    swarm = build_swarm(load(swarm_table(pair, safety={"eta": 0.0})))
+    boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
+    assert met(boxes, 0, np.array([1]), 0.0, swarm.start()).tolist() == [True]
+
+
+def test_a_certificate_counts_on_what_integration_may_be_off_beside_the_disturbance():
+    certificates = SwarmCertificates(three_on_a_line_and_a_sphere())
+    pair = certificates.pairs.alone(0, 2)
+    assert certificates.bounds(pair) == [DEFECT, PUSHED + DEFECT]
 
 
 @pytest.mark.slow

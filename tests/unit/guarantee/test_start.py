@@ -21,6 +21,7 @@ from phalanx.guarantee.start import (
     rows_at_start,
 )
 from phalanx.scenario.load import load
+from phalanx.swarm.points import agent_point
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.function import Body, Separation
@@ -146,6 +147,10 @@ def test_numbers_are_those_of_two_robots_that_meet_at_their_laws_speed():
     kappa = 1.0 / (2.718281828 * 0.05)
     assert reach.radius == pytest.approx(1.0 + 2.0 * stopping + 6.0 / kappa)
     assert reach.sensor == pytest.approx(1.0 + 2.0 * stopping + 6.0 * 0.05)
+    pushed = {"agents.0.disturbance": {"bound": 0.5}, "agents.0.clock": {"period": 0.05}}
+    tube = agent_point(build_swarm(load("radio", CALM | pushed)), 0).motion.tube
+    assert tube > 0.0
+    assert reach_of(**pushed).slack == pytest.approx(2.0 * (0.05 * 3.0 + tube))
 
 
 def test_knowledge_is_older_with_loss_and_with_delay_and_in_a_partition():

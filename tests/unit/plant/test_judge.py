@@ -40,8 +40,7 @@ def happen(judge: Judge, *events: Event) -> list[Judged]:
     return judged
 
 
-def apply(
-    judge: Judge,
+def applied(
     i: int,
     k: int = 0,
     t: float = 0.0,
@@ -50,14 +49,18 @@ def apply(
     t_apply: float | None = None,
     u: tuple[float, float] = (0.0, 0.0),
     **fields,
-) -> Judged:
+) -> InputApplied:
     """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s].
 
     fields: more of its report on it.
     """
     t_apply = t if t_apply is None else t_apply
     telemetry = report(k, replace(STEP, origin=origin), ages=ages, **fields)
-    (judged,) = happen(judge, InputApplied(i, k, t, t_apply, np.array(u), telemetry=telemetry))
+    return InputApplied(i, k, t, t_apply, np.array(u), telemetry=telemetry)
+
+
+def apply(judge: Judge, *agent: int, **fields) -> Judged:
+    (judged,) = happen(judge, applied(*agent, **fields))
     return judged
 
 
@@ -96,6 +99,9 @@ def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
     assert counted(judge, "sampling gap")[:2] == (3, 6), "the first sample was to come at t = 0"
     happen(judge, Sampled(3, 0.05))
     assert counted(judge, "sampling gap")[1] == 6, "when an adversary samples matters to none"
+    command(judge, CommandKind.TURN, 2, 0.01)
+    happen(judge, Sampled(2, 0.05))
+    assert counted(judge, "sampling gap")[1] == 6, "nor when one does that turned"
 
 
 @pytest.mark.slow
@@ -121,16 +127,18 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     assert counted(judge, "received inputs in force") == (1, 2, 0.015)
     apply(judge, 0, k=2, t=0.025, ages=((1, 0.015),))
     assert counted(judge, "received inputs in force") == (1, 3, 0.015)
+    happen(judge, applied(1, k=2, t=0.03), applied(0, k=3, t=0.035, ages=((1, 0.005),)))
+    assert counted(judge, "received inputs in force") == (1, 4, 0.015)
 
 
 def test_a_received_input_that_a_lie_claimed_is_not_in_force_though_its_time_is():
-    """Agent 2 tells agent 1 another input than it holds, and agent 3 the truth."""
+    """Agent 2 tells agent 3 the truth, and agent 1 another input than it holds."""
     judge = judge_of()
     judged = [apply(judge, 1, t=0.0, u=(1.0, 0.0))]
-    for i, speed in ((0, -1.0), (2, 1.0), (0, -1.0)):
+    for i, speed in ((2, 1.0), (0, -1.0), (0, -1.0)):
         fates = (DeliveryReport(1, 0, 0.0, (), AnnouncedInput(0.0, (speed, 0.0))),)
         judged.append(apply(judge, i, t=0.005, ages=((1, 0.005), (3, 0.001)), fates=fates))
-    assert texts(*judged) == ["agent 2: first false broadcast"]
+    assert [texts(each) for each in judged] == [[], [], ["agent 2: first false broadcast"], []]
     assert [each.step["oldest_input"] for each in judged] == [None, 0.005, 0.005, 0.005]
     assert counted(judge, "received inputs in force") == (5, 6, 0.005)
     assert counted(judge, "truthful broadcasts") == (2, 3, 0.005)
@@ -148,7 +156,7 @@ def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_co
     judge = judge_of()
     apply(judge, 0, rejected=2)
     apply(judge, 1, rejected=16)
-    for k, rejected in ((1, 1), (2, 4)):  # two restarts; a process counts from 0
+    for k, rejected in ((1, 1), (2, 3)):  # two restarts; a process counts from 0
         kill, restart = (
             CommandApplied(Command(t, kind, "1", fault=4), 0, forgotten)
             for t, kind, forgotten in (
@@ -161,7 +169,7 @@ def test_a_failure_counts_for_its_fault_and_what_was_dropped_before_a_restart_co
         ]
         apply(judge, 0, k=k, t=0.2 * k, rejected=rejected)
     assert judge.claims.faults == {4: 2}
-    assert judge.findings().rejected == {"by agent 1": 7, "by agent 2": 16}
+    assert judge.findings().rejected == {"by agent 1": 6, "by agent 2": 16}
 
 
 def test_an_agent_that_is_out_of_reach_is_silent_until_it_is_back():
@@ -246,8 +254,12 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     phi[3:6] = 1.73 / np.sqrt(3)
     judge.assumptions.add_piece(DisturbanceKnot(0.1, phi))
     assert counted(judge, "disturbance bound") == (0, 1, None)
-    judge.assumptions.add_piece(DisturbanceKnot(0.2, (1.0 + 1e-6) * phi))
-    assert counted(judge, "disturbance bound") == (1, 2, 0.2)
+    assert "above" not in assumption(judge, "disturbance bound").note
+    judge.assumptions.add_piece(DisturbanceKnot(0.2, 2.0 * phi))
+    judge.assumptions.add_piece(DisturbanceKnot(0.3, (1.0 + 1e-6) * np.roll(phi, 3)))
+    assert counted(judge, "disturbance bound") == (2, 3, 0.2)
+    most = "the most above was 3.46, of agent 2, at t = 0.200 s"
+    assert assumption(judge, "disturbance bound").note.endswith(f"disturbance.bound; {most}")
 
 
 def steps(times: list[float], h: list[float], psi: list[float] | None = None) -> EvaluatedSteps:
@@ -328,12 +340,13 @@ def test_one_pair_makes_a_start_unsafe_though_it_gets_away_before_the_first_even
 @pytest.mark.slow
 def test_one_step_without_an_h_tot_is_the_end():
     both = steps([0.0, 0.001], [-1.0, -1.0]), steps([0.002, 0.003, 0.004], [-1.0, np.nan, -1.0])
+    both[1].h[:, 0] = -1.0
     numbered = both[1]._replace(numbers=np.array([4, 5, 5]))
     assert judge_of().diverged(both[:1]) is None
     number, error = judge_of().diverged([both[0], numbered]) or (0, None)
     assert (number, str(error).partition(":")[0]) == (
         5,
-        "h of 1-2 is no longer finite at t = 0.004 s",
+        "h of 1-3 is no longer finite at t = 0.004 s",
     )
 
 
@@ -409,6 +422,22 @@ def test_a_silent_or_deceived_agent_counts_if_it_is_normal():
     assert counted(judge, "faithful agents") == (1, 1, 0.1)
 
 
+@pytest.mark.parametrize(("model", "may_turn"), [("unknown", True), ("paper", False)])
+def test_others_may_turn_where_rows_count_everyone_at_worst(model, may_turn):
+    judge = judge_of(f"safety.information={model}", "safety.composition=pairs")
+    apply(judge, 0, origin=Origin.ATTACK, t=0.01)
+    assert counted(judge, "faithful agents") == ((0, 1, None) if may_turn else (1, 1, 0.01))
+    note = assumption(judge, "faithful agents").note
+    assert note.startswith("no normal agent fell silent" + (";" if may_turn else " or turned"))
+
+
+def test_one_pair_makes_a_start_from_which_the_safe_set_cannot_be_kept():
+    apart = judge_of()
+    near = judge_of("agents.0.start=[[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.0, 9.0, 0.0]]")
+    assert counted(apart, "start in S_I") == (0, 1, None)
+    assert counted(near, "start in S_I") == (1, 1, 0.0)
+
+
 def test_an_input_of_an_agent_that_has_applied_none_is_not_in_force():
     judge = judge_of()
     apply(judge, 0, t=0.005, ages=((1, 0.005),))
@@ -427,6 +456,11 @@ def test_what_actuators_hold_before_their_first_input_has_to_be_in_u_too():
     for t in (0.01, 0.02, 0.03):
         happen(judge, StateReached(t, start, []))
     assert counted(judge, "admissible inputs") == (2, 5, 0.0), "one check of each agent's input"
+    judge = judge_of(going + "turn_rate = 2.0, offset = 0.25 }")
+    lost = InputLost(1, 0, 0.0, 0.0, np.array([2.0, 0.0]), report(0))
+    reached = [StateReached(t, start, []) for t in (0.0, 0.01)]
+    happen(judge, reached[0], applied(0, u=(2.0, 0.0)), lost, reached[1], applied(2, u=(2.0, 0.0)))
+    assert counted(judge, "admissible inputs") == (2, 6, 0.0), "the same of events at once"
 
 
 class Going(Unicycle):
@@ -452,10 +486,12 @@ def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
 
 
 @pytest.mark.slow
-def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant():
+@pytest.mark.parametrize("seconds", [0.0, np.nan])
+@np.errstate(invalid="ignore")
+def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant(seconds):
     coverage = judge_of().coverage
     for i in range(4):
-        hold(coverage, i, 1.0, 0.0)
+        hold(coverage, i, 1.0, seconds)
     assert (coverage.ends == -np.inf).all()
 
 

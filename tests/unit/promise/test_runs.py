@@ -4,20 +4,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from phalanx_plant.judge.promise import PromiseLedger
-from phalanx_plant.world.events import InputApplied
-from phalanx_plant.world.world import DisturbanceKnot
 
-from phalanx.guarantee.check import check
-from phalanx.guarantee.promise import grades
-from phalanx.guarantee.verdict import Outcome, Summary, Violation
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.simulation import Simulation
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario, ScenarioError
 from phalanx.swarm.keep import Keeper
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
-from tests.unit.swarms import checked, swarm_of_scenario
 from tests.unit.tables import group, swarm_table
 
 pytestmark = pytest.mark.slow
@@ -103,16 +97,6 @@ def test_what_breaks_a_promise_is_named_with_its_agent_and_time(fault, agent, wh
     assert f"broken at {promise.lost_at:.3f} s by {agent}" in str(promise)
 
 
-def test_an_input_that_comes_late_breaks_a_promise():
-    promise = promise_after(network__actuation={"delay": 0.01})
-    assert {b.why for b in promise.broken} == {"an input came late"}
-    assert promise.for_ever == promise.passively == 0
-
-
-def test_a_pause_within_the_longest_gap_breaks_nothing():
-    assert promise_after({"kind": "pause", "at": 0.5, "for": 1e-4, "agents": ["a"]}).kept
-
-
 def test_a_turn_leaves_the_others_what_they_keep_by_themselves():
     promise = promise_after({"kind": "turn", "at": 0.5, "agents": ["b"]})
     assert promise.kept
@@ -121,51 +105,10 @@ def test_a_turn_leaves_the_others_what_they_keep_by_themselves():
     assert (promise.for_ever, promise.passively, promise.promised) == (1, 2, 3)
 
 
-def ledger_after(t: float) -> PromiseLedger:
-    """A judge's, when a has moved by an input that it may apply, and then stood from t on."""
-    swarm = build_swarm(scenario())
-    ledger, x = PromiseLedger(swarm), swarm.start()
-    for at, u in ((0.0, [0.1, 0.0]), (t, [0.0, 0.0])):
-        ledger.sampled(0, at)
-        ledger.applied(InputApplied(0, 0, at, at, np.array(u)), x, truthful=True)
-    return ledger
-
-
-@pytest.mark.parametrize(("pushed", "breaks"), [("a", ["a"]), ("rogue", ["a", "b"])])
-def test_a_disturbance_above_its_bound_breaks_its_agents_promise_and_a_rogues_all(pushed, breaks):
-    swarm = build_swarm(scenario())
-    ledger, phi = PromiseLedger(swarm), np.zeros(len(swarm.start()))
-    phi[swarm.safe_set.parts[swarm.names.index(pushed)].start] = 0.06
-    ledger.disturbed(DisturbanceKnot(0.0, phi))
-    assert [b.agent for b in ledger.summary(0.0, []).broken] == breaks
-
-
-@pytest.mark.parametrize(("at", "broken"), [(0.02, True), (0.06, False)])
-def test_an_agent_that_is_hit_while_it_moves_breaks_its_promise(at, broken):
-    hit = Violation("a-rogue", at, 0.1, at, 0.01, 1, at, None)
-    summary = ledger_after(0.05).summary(0.1, [hit])
-    why = [b for b in summary.broken if b.agent == "a"]
-    assert [b.why for b in why] == (["a-rogue was unsafe"] if broken else [])
-
-
-def test_an_unsafe_pair_breaks_what_was_promised_for_ever_at_any_speed():
-    hit = Violation("a-obstacle 0", 0.08, 0.1, 0.08, 0.01, 1, 0.08, None)
-    (broken,) = [b for b in ledger_after(0.05).summary(0.1, [hit]).broken if b.agent == "a"]
-    assert broken.why == "a-obstacle 0 was unsafe"
-
-
 def test_the_room_counts_what_integration_may_be_off():
     unpushed = build_swarm(scenario(agents__0__disturbance={"bound": 0.0}))
     keeper, x = Keeper(unpushed, 0), unpushed.start()
     assert keeper.tube(x, np.zeros(2)).radius[0] >= 1e-4 * 0.07
-
-
-def test_the_judge_finds_an_agent_that_does_not_keep_the_rule():
-    simulation = Simulation(require_runnable(build_swarm(scenario())))
-    simulation.agents.steps[0]._controller.keeper = None
-    promise = simulation.run().promise
-    assert [b.agent for b in promise.broken] == ["a"]
-    assert promise.broken[0].why == "an input that the rule does not let through"
 
 
 @pytest.mark.parametrize("controller", ["cbf-qp", "escape"])
@@ -227,53 +170,6 @@ def test_the_judge_decides_the_same_while_it_knows_that_nothing_can_come_near():
         x[:2] += 0.05 * answer.u
         x[2:4] -= 0.05
     assert 20 < skipped < decided[True] < 80
-
-
-def words(**changes) -> str:
-    return " ".join(check(scenario(**changes)).words)
-
-
-def test_check_grades_each_pair():
-    graded = grades(build_swarm(scenario()))
-    assert graded.for_ever == ("a-b", "a-obstacle 0", "b-obstacle 0")
-    assert graded.passively == ("a-rogue", "b-rogue")
-    sentences = words()
-    assert "Promised before the run, under any filter and network: a-b, a-obstacle 0" in sentences
-    assert "a-rogue, b-rogue passively" in sentences
-    assert "With safety.keep = 'hold': promised" in words(safety__keep=None)
-
-
-def test_check_names_what_is_short_and_what_would_do():
-    near = {"agents__0__start": [[-0.5, 0.0], [0.5001, 0.0]]}
-    assert "Not promised: a-b: 0.0" in words(**near)
-    graded = grades(build_swarm(scenario(**near)))
-    assert "a-b" not in graded.for_ever
-    short = float(graded.short["a-b"].split(" m")[0])
-    larger = 0.5001 + short + 1e-3
-    enough = scenario(agents__0__start=[[-0.5, 0.0], [larger, 0.0]])
-    assert "a-b" in grades(build_swarm(enough)).for_ever
-    too_much = grades(build_swarm(scenario(agents__0__disturbance__bound=1.5)))
-    (why,) = {
-        text.split(" of ", 1)[0] + text.split(" holds", 1)[-1] for text in too_much.refusals[:1]
-    }
-    assert "disturbance.bound" in why
-    bound = float(too_much.refusals[0].split("at most ")[1].split(" would do")[0])
-    assert grades(build_swarm(scenario(agents__0__disturbance__bound=0.99 * bound))).for_ever
-    assert not grades(build_swarm(scenario(agents__0__disturbance__bound=1.01 * bound))).for_ever
-
-
-def test_check_says_at_what_disturbance_of_both_a_robot_outruns_its_pursuer():
-    def leaving(bound: float) -> str:
-        return grades(swarm_of_scenario("unicycles", *(
-            f"agents.{g}.disturbance.bound={bound}" for g in (0, 1)
-        ))).leaving  # fmt: skip
-
-    assert "4 makes 3.8 m/s with its disturbance, 1 2.22 m/s straight on" in leaving(1.73)
-    bound = float(leaving(1.73).split("at most ")[1].split(" for both")[0])
-    assert bound == pytest.approx(0.963, abs=1e-3)
-    assert leaving(1.01 * bound)
-    assert not leaving(0.99 * bound)
-    assert "Nor could a promise to leave be made" in " ".join(checked("unicycles").words)
 
 
 @pytest.mark.parametrize(
