@@ -128,7 +128,7 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2335,
     "messages": 915,
-    "native": 2940,
+    "native": 2955,
     "network": 1595,
     "plant": 5785,
     "promise": 715,

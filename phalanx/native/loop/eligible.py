@@ -5,13 +5,16 @@ from collections.abc import Iterator, Sequence
 
 from phalanx.native.loop.goals import goal_table
 from phalanx.native.loop.laws import KNOWN
-from phalanx.native.loop.memory import MOST_AGENTS, MOST_INPUTS
+from phalanx.native.loop.memory import MOST_AGENTS
 from phalanx.native.loop.rules import MOST_DECLARED, has_entries
 from phalanx.network.link import Stage
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.user_methods import is_built_in
 from phalanx.theory.rows.information import InFlight, Paper, Split, WorstCase
+
+_MOST_CHOSEN = 6
+"""Inputs of an agent: least_violation.c has one coordinate more."""
 
 
 def reason_against(rows: SafetyRows) -> str | None:
@@ -67,5 +70,5 @@ def _of_agents(swarm: Swarm) -> Iterator[str]:
             yield f"the disturbance of {name} follows the state"
         if links.model(name, name, "sample").stages or links.model(name, name, "actuation").stages:
             yield f"links on board {name} have rules"
-        if len(swarm.members[i].dynamics.inputs) > MOST_INPUTS:
-            yield f"{name} has more than {MOST_INPUTS} inputs"
+        if len(swarm.members[i].dynamics.inputs) > _MOST_CHOSEN:
+            yield f"{name} has more than {_MOST_CHOSEN} inputs"

@@ -77,57 +77,72 @@ static int nearest_input(const Run *r, I i, I count, const double *wish, double 
   return 1;
 }
 
-/* The input of U with the least worst violation of the rows: rows/least_violation.py. */
-static void least_violation(const Run *r, I i, I count, double *u) {
+/* Whether row k counts in the least violation: without a known margin somewhere, only such rows. */
+static int counts(const Run *r, I k, int unknown) {
+  return !unknown || r->row_bound[k] == -INFINITY;
+}
+
+/* The input of U with the least worst violation of the rows: rows/least_violation.py. NOT_FINITE
+   if numbers are too large for it. */
+static int least_violation(const Run *r, I i, I count, double *u) {
   const Terms *w = r->terms;
   I m = w->input_at[i + 1] - w->input_at[i], corners = w->corner_at[i + 1] - w->corner_at[i];
   const double *corner = w->corners + w->corner_at[i],
                *face = r->faces + i * 2 * MOST_INPUTS * FACE;
   double *table = r->program, *row = table, highest = -INFINITY, lowest = INFINITY,
-         best[MOST_INPUTS];
+         best[MOST_INPUTS + 1];
   double least_worst = INFINITY;
+  int unknown = 0;
   corners /= m;
+  for (I k = 0; k < count; ++k) unknown |= r->row_bound[k] == -INFINITY;
   for (I k = 0; k < count; ++k) {
-    double least = INFINITY;
+    double least = INFINITY, bound = unknown ? 0.0 : r->row_bound[k];
+    if (!(fabs(bound) <= MOST_BOUND) || isnan(r->row_bound[k])) return NOT_FINITE;
+    for (I c = 0; c < m; ++c)
+      if (!(fabs(r->row_a[k * m + c]) <= MOST_BOUND)) return NOT_FINITE;
+    if (!counts(r, k, unknown)) continue;
     for (I v = 0; v < corners; ++v) {
-      double residual = inner(m, r->row_a + k * m, corner + v * m) - r->row_bound[k];
+      double residual = inner(m, r->row_a + k * m, corner + v * m) - bound;
       if (residual < least) least = residual;
     }
     if (least > highest) highest = least;
   }
   for (I k = 0; k < count; ++k) {
-    double most = -INFINITY;
+    double most = -INFINITY, bound = unknown ? 0.0 : r->row_bound[k];
+    if (!counts(r, k, unknown)) continue;
     for (I v = 0; v < corners; ++v) {
-      double residual = inner(m, r->row_a + k * m, corner + v * m) - r->row_bound[k];
+      double residual = inner(m, r->row_a + k * m, corner + v * m) - bound;
       if (residual > most) most = residual;
     }
     if (!(most >= highest)) continue;
     memcpy(row, r->row_a + k * m, m * sizeof(double));
     row[m] = -1.0;
-    row[m + 1] = r->row_bound[k];
-    if (r->row_bound[k] < lowest) lowest = r->row_bound[k];
+    row[m + 1] = bound;
+    if (bound < lowest) lowest = bound;
     row += m + 2;
   }
   I binding = (row - table) / (m + 2);
   for (I k = 0; k < binding; ++k) table[k * (m + 2) + m + 1] -= lowest;
-  for (I f = 0; f < r->face_count[i]; ++f, row += m + 2) {
-    memcpy(row, face + f * FACE, m * sizeof(double));
+  for (I f = 0; f < r->face_count[i]; ++f, row += m + 2, face += FACE) {
+    memcpy(row, face, m * sizeof(double));
     row[m] = 0.0;
-    row[m + 1] = face[f * FACE + MOST_INPUTS];
+    row[m + 1] = face[MOST_INPUTS];
   }
   if (!r->least_vertex((int)m + 1, (int)(binding + r->face_count[i]), table, best))
-    for (I v = 0; v < corners; ++v) {
+    for (I v = 0; v < corners; ++v, corner += m) {
       double worst = -INFINITY;
       for (I k = 0; k < count; ++k) {
-        double residual = inner(m, r->row_a + k * m, corner + v * m) - r->row_bound[k];
-        if (residual > worst) worst = residual;
+        double bound = unknown ? 0.0 : r->row_bound[k];
+        double residual = inner(m, r->row_a + k * m, corner) - bound;
+        if (counts(r, k, unknown) && residual > worst) worst = residual;
       }
       if (worst < least_worst) {
         least_worst = worst;
-        memcpy(best, corner + v * m, m * sizeof(double));
+        memcpy(best, corner, m * sizeof(double));
       }
     }
   for (I c = 0; c < m; ++c) u[c] = best[c] + 0.0;
+  return GOES_ON;
 }
 
 /* Decides as decide_pairs does, and reports on the step. */
@@ -138,11 +153,8 @@ static int decide_pairs(Run *r, I i, I count, const double *wish, I step) {
   r->step_origin[step] = QP;
   clip(w, i, wish, u);
   if (!keeps_rows(r, m, count, u) && !nearest_input(r, i, count, wish, u)) {
-    for (I k = 0; k < count; ++k)
-      for (I c = 0; c < m; ++c)
-        if (!(fabs(r->row_bound[k]) <= MOST_BOUND && fabs(r->row_a[k * m + c]) <= MOST_BOUND))
-          return NOT_FINITE;
-    least_violation(r, i, count, u);
+    int failed = least_violation(r, i, count, u);
+    if (failed) return failed;
     r->step_origin[step] = keeps_rows(r, m, count, u) ? SOLVER_FAILED : BACKUP;
   }
   for (I k = 0; k < count; ++k) {

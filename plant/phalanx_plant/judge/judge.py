@@ -260,6 +260,8 @@ class Judge:
         self.assumptions.add(states, inputs, aged, x)
         self._count_origins(inputs)
         notices = defaultdict[int, list[Log]](list)
+        if len(states.t):
+            notices[0], self._at_start = self._at_start, []
         for row, crossing in extremes.crossings:
             notices[row].append(self._crossed(crossing))
         for row, deadlock in self._watch.add(states, inputs):
@@ -357,8 +359,7 @@ class Judge:
             for piece in event.history
             if type(piece) is WorldNote
         ]
-        said += self._at_start + notices
-        self._at_start = []
+        said += notices
         return sorted(said, key=lambda line: line.t) if said else said
 
     def _command(self, event: CommandApplied) -> Judged:
