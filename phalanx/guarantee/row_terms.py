@@ -42,7 +42,7 @@ class PairRowTerms:
     def __init__(self, rows: SafetyRows, i: int, other: int, part: RowPart) -> None:
         """other: a member, or N + k for obstacle k."""
         swarm = rows.swarm
-        pair, margin = rows.own_pair(i, other), rows.margin(i)
+        pair, margin = rows.own_pair(i, other, plain=False), rows.margin(i)
         chain, side, share = pair.chain, pair.side, part.value
         quiet = replace(margin, bounds=dict.fromkeys(margin.bounds, 0.0))
         calm = replace(quiet, horizon=swarm.horizon(i) - swarm.groups[i].clock.jitter)

@@ -93,7 +93,7 @@ class SafetyRows:
         """Return the terms of h_tot of all pairs, as printed, with this margin."""
         return self.composed.of(self.swarm.normal[0], None, margin)
 
-    def own_pair(self, i: int, other: int, plain: bool = False) -> OwnPair:
+    def own_pair(self, i: int, other: int, plain: bool) -> OwnPair:
         """Return the pair of normal agent i and another member, or N + k for obstacle k.
 
         Pairs of members of the same two groups have the same expressions.

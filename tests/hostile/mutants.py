@@ -295,7 +295,7 @@ MUTANTS = (
     Mutant("a corrupt copy that is delayed", "phalanx/network/link.py",
            "Copy(after, copy.corrupt or new.corrupt)", "Copy(after, new.corrupt)", _TEST_LINKS),
     Mutant("a step resolved without its start", f"{_PLANT}/world/resolution.py",
-           "np.concatenate([x, start])", "x",
+           "np.concatenate([segments.x, segments.start])", "segments.x",
            "tests/unit/plant/test_resolution.py"),
     Mutant("the oldest news of an agent repeated", "phalanx/swarm/statements.py",
            "heard.sort(key=lambda item: (-item[1].t, item[0]))", "pass",

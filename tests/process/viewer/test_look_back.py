@@ -51,6 +51,7 @@ def test_a_visitor_looks_back_while_the_run_goes_on_and_others_see_the_present(
 
 
 @pytest.mark.browser
+@pytest.mark.nightly
 def test_the_page_of_a_live_run_says_that_it_looks_back_and_a_click_returns(
     tab: "Tab", tmp_path: Path
 ) -> None:

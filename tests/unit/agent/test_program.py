@@ -120,6 +120,7 @@ def in_both_languages(name: str, folder: Path) -> list[list[str]]:
     return [[str(folder / name)], [sys.executable, str(EXAMPLES / f"{name}.py")]]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_programs_in_two_languages_give_the_bits_of_the_same_law_inside(tmp_path: Path) -> None:
     programs = in_both_languages("cart", tmp_path)

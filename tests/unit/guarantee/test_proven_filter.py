@@ -97,7 +97,9 @@ def test_only_a_pair_that_its_half_row_leaves_unproven_gets_its_whole_row():
     half, decision = plain(now).decision, ProvenFilter(rows, 0, plain)(now).decision
     assert decision.origin is Origin.PROVEN
     assert half.u == pytest.approx([2.5 * (1.01**2 - 1.0) / 2.02, -0.3])
-    assert decision.u == pytest.approx([5.0 * (1.01**2 - 1.0) / 2.02 - 1.0, -0.3], abs=1e-5)
+    inside = 5.0 * (1.01**2 - 1.0) / 2.02 - 1.0 - 1e-6
+    assert decision.u == pytest.approx([inside, -0.3], abs=1e-9)
+    assert decision.binding == (1,)
     assert decision.proven == SwarmCertificates(rows.swarm).of(0)(x, decision.u).min()
 
 

@@ -163,7 +163,7 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
         for k, other in enumerate(terms.others):
             if other >= 5:
                 continue
-            pair = rows.own_pair(i, other)
+            pair = rows.own_pair(i, other, plain=False)
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
             assert members[pair.side] == i
             parts = {RowPart.WHOLE: whole.margin[whole.others.index(other)]}

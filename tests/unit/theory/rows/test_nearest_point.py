@@ -181,6 +181,19 @@ def test_a_point_of_contact_is_found_and_a_gap_of_more_than_rounding_is_seen():
     G = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     assert nearest_point([3.0, 0.5], G, np.array([1.0, -1.0, 1.0, 1.0]), 2.0) == ([1.0, 0.5], (0,))
     assert nearest_point([3.0, 0.5], G, np.array([1.0, -1.0 - 1e-7, 1.0, 1.0]), 2.0) is None
+    triangle = np.array([[0.0, 1.0], [0.6, -0.8], [-0.6, -0.8]])
+    assert nearest_point([3.0, 0.5], triangle, np.zeros(3), 2.0).v == pytest.approx([0.0, 0.0])
+    assert nearest_point([3.0, 0.5], triangle, np.array([0.0, 0.0, -1e-7]), 2.0) is None
+
+
+@pytest.mark.slow
+def test_the_answer_rests_on_the_sets_and_not_on_how_the_iteration_goes(monkeypatch, rng):
+    for m, count in ((1, 3), (2, 6), (3, 5)):
+        assert module._count(count, m) == len([*module._sets(range(count), m)])
+    drawn = [draw_program(kind, 2, 5, rng) for kind in KINDS for _ in range(5)]
+    answers = [nearest_point(*program) for program in drawn]
+    monkeypatch.setattr(module, "_MOST_STEPS", 0)
+    assert [nearest_point(*program) for program in drawn] == answers
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from phalanx.theory.models.polytope import ACTUATION, Polytope, extremes, polyto
 from phalanx.theory.rows.nearest_in_box import TOLERANCE, nearest_in_box
 from phalanx.theory.rows.nearest_point import nearest_point, strictly_nearest
 from phalanx.theory.rows.qp import ActiveRows, NearestInput
-from phalanx.theory.rows.row import Row
+from phalanx.theory.rows.row import Row, Rows
 from tests.unit.theory.polytopes import random_polytope
 
 seeds = st.integers(0, 2**32 - 1)
@@ -162,6 +162,18 @@ def test_a_nominal_input_of_any_size_is_brought_to_the_nearest_one(size):
             away = (u_nom - u) / np.linalg.norm(u_nom - u)
             assert ((corners - u) @ away <= 1e-5).all()
     assert solved >= 190
+
+
+@pytest.mark.parametrize("faces", [6, 7], ids=["box", "another polytope"])
+@pytest.mark.parametrize("rows", [Row, lambda a, bound: Rows(a[None], np.array([bound]))])
+def test_in_units_that_are_a_million_times_smaller_the_answer_is_the_same(faces, rows):
+    A = np.vstack([np.eye(3), -np.eye(3), [[0.6, 0.8, 0.0]]])[:faces]
+    b, u_nom, answers = np.array([4.0, 2, 1, 0, 0, 0, 3])[:faces], np.array([3e7, 7e6, 2e6]), []
+    for unit in (1.0, 2.0**20):
+        row = rows(np.array([0.6, 0.0, 0.8]), unit * 1.5)
+        solved = NearestInput((1.0, 2.0, 0.5)).solve(unit * u_nom, polytope(A, unit * b), row)
+        answers.append(solved / unit)
+    assert answers[1] == pytest.approx(answers[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("angle", [1.0, 1e-2, 1e-4])
