@@ -115,7 +115,7 @@ class Lies:
         self._seeds, self._name = seeds, name
 
     def claim(
-        self, receiver: str, k: int, truth: AnnouncedInput, past: Past, now: float = 0.0
+        self, receiver: str, k: int, truth: AnnouncedInput, past: Past, now: float
     ) -> PeerClaim:
         """Return the claim that broadcast k makes to one peer; decided now [s]."""
         claim, changed_by = truth, list[int]()

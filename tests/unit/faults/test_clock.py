@@ -12,9 +12,12 @@ from phalanx.swarm.swarm import build_swarm
 PERIOD, JITTER, AT, OVER, END = 0.01, 0.002, 1.0, 1.5, 3.0
 
 
-def ticks(count: int = 1, **fault: Any) -> tuple[AgentClock, np.ndarray]:
-    """Agent 1's clock with so many of a fault, and all its ticks."""
-    faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] * count if fault else []
+def ticks(
+    count: int = 1, others: tuple[dict[str, Any], ...] = (), **fault: Any
+) -> tuple[AgentClock, np.ndarray]:
+    """Agent 1's clock with other faults, then so many of one, and all its ticks."""
+    repeated = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] * count if fault else []
+    faults = [*others, *repeated]
     swarm = build_swarm(load("unicycles", {"faults": faults}))
     clock = AgentClock(swarm.clock(0), swarm.time.latency, swarm.links.occurrences)
     times = [0.0]
@@ -40,6 +43,13 @@ def test_a_step_delays_every_later_sample_by_as_much(step: float):
     after = slice(before.sum(), before.sum() + 50)
     assert times[after] == pytest.approx(RIGHT[after] + step, abs=1e-9)
     assert clock.faults == {0: 1}
+
+
+def test_a_fault_of_something_else_before_it_hides_no_fault_of_a_clock():
+    sensor = {"kind": "sensor", "at": 0.0, "for": 9.0, "agents": ["1"], "bias": {"x": 1.0}}
+    clock, times = ticks(others=(sensor,), step=0.2)
+    assert (times == ticks(step=0.2)[1]).all()
+    assert clock.faults == {1: 1}
 
 
 def test_a_step_at_the_very_instant_of_a_sample_delays_the_next_one():

@@ -76,6 +76,19 @@ def test_a_command_has_no_more_than_the_largest_value(kind, most):
     assert {v: bool(refusal(Command(0.0, kind, value=v), ())) for v in values} == values
 
 
+@pytest.mark.parametrize("kind", EFFECTS)
+def test_a_command_concerns_an_agent_that_there_is(kind):
+    assert [refusal(Command(0.0, kind, name), ("a", "b")) for name in "ab"] == [None, None]
+    assert refusal(Command(0.0, kind, "c"), ("a", "b")) == "agent: expected one of a, b, got 'c'"
+
+
+def test_failures_are_all_that_harms_agents_or_links():
+    harmless = {RESTART, THAW, CommandKind.SPEED, CommandKind.PAUSE, CommandKind.STEP}
+    kinds = {kind for kind in CommandKind if not Command(0.0, kind, "a").is_failure}
+    assert kinds & {*EFFECTS, *LINK_COMMANDS} == harmless & {*EFFECTS}
+    assert kinds >= harmless
+
+
 def test_only_the_frozen_and_the_dead_are_silent():
     state = FaultState(("a",))
     silent = []

@@ -7,7 +7,7 @@ import pytest
 
 from phalanx.faults.fault import Occurrence, random_times
 from phalanx.faults.links import links_between, links_cut
-from phalanx.network.draws import Draws, Tables
+from phalanx.network.draws import Draws, Seeds, Tables
 from phalanx.scenario.load import load
 
 NAMES = ("1", "2", "3")
@@ -40,6 +40,15 @@ def test_a_longer_run_begins_with_the_same_occurrences():
     assert longer[: len(short)] == short
     always = random_times(1e3, NAMES, 0.0025, draws)
     assert [t for t, _ in always] == [0.0, 0.001, 0.002]
+
+
+def test_from_a_reseed_on_occurrences_are_those_of_the_other_seed():
+    seeds = Seeds(1), Seeds(1, [(2.0, 7)]), Seeds(7)
+    first, changed, other = (
+        [*random_times(3.0, NAMES, 4.0, Tables(seed, "fault", "0", width=2))] for seed in seeds
+    )
+    assert changed == [o for o in first if o[0] < 2.0] + [o for o in other if o[0] >= 2.0]
+    assert first != changed != other
 
 
 def test_at_a_given_time_it_hits_every_agent_once_for_its_duration():

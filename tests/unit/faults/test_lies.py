@@ -55,6 +55,11 @@ def test_by_radio_a_lie_changes_the_state_too(lie, x):
     assert claimed(lies(lie)).claim.x == (), "without a radio no state is stated"
 
 
+def test_as_much_of_the_past_is_there_as_the_longest_replay_needs():
+    three = {"replay": 2}, {"says": "zero"}, {"replay": 5}
+    assert [lies(*three, agent=name).steps_back for name in "12"] == [0, 5]
+
+
 @pytest.mark.parametrize("field", ["shift", "drift"])
 def test_a_false_state_has_as_many_components_as_the_true_one(field):
     with pytest.raises(ScenarioError, match=f"faults.0.{field}: expected 3 components"):

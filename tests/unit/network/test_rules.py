@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from phalanx.faults.links import Hold
 from phalanx.messages.keys import Keys
 from phalanx.messages.seal import Malformed, Sealer
 from phalanx.network.draws import Draws
-from phalanx.network.link import Link, LinkModel, RuleError, Stage
+from phalanx.network.link import Kind, Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, Cut, During, Message, delay
 from tests.unit.network.models import broadcast, inbox_of, model
 
@@ -206,6 +207,36 @@ def test_effects_are_counted_by_the_number_of_the_rule():
         delivery = link.fate(k)
         expected = (0,) if delivery.delay is None else (1, 2) if len(delivery.copies) == 2 else (2,)
         assert delivery.faults == expected
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Keeps when the message before each left it."""
+
+    previous: list[float]
+
+    def treat(self, message):
+        self.previous.append(message.previous)
+        return DELIVER
+
+
+def test_a_rule_after_a_delay_sees_when_the_message_before_left_it():
+    rule = Recorded([])
+    link = Link(0, "a", "b", LinkModel((Stage("a", Always(delay(0.5))), Stage("b", rule))))
+    for k, sent in enumerate((1.0, 2.5, 4.0)):
+        link.fate(k, sent)
+    assert rule.previous == [-np.inf, 1.5, 3.0]
+
+
+def test_each_kind_of_message_and_each_link_has_draws_of_its_own():
+    kinds = [(*ends, kind) for ends in ("ab", "ba", "aa") for kind in get_args(Kind)]
+    lost = {}
+    for a, b, kind in kinds:
+        link = Link(7, a, b, model(loss=0.5), kind)
+        lost[a, b, kind] = tuple(link.fate(k).delay is None for k in range(64))
+    assert len({*lost.values()}) == len(kinds)
+    draws = Draws(7, "link", "a", "b", width=2)
+    assert lost["a", "b", "broadcast"] == tuple(draws.value(k) < 0.5 for k in range(64))
 
 
 def test_damage_to_one_copy_leaves_the_other():
