@@ -77,6 +77,11 @@ ENGINES = {
         "the same steps in C, many times faster and with the same bits, where the scenario and a "
         "compiler allow; else in-process, and the log says why",
     ),
+    "auto": EngineEntry(
+        "phalanx.native.loop.fastest:run_fastest",
+        "native where all is compiled, or runs in this process have taken longer than a compiler; "
+        "else in-process",
+    ),
 }
 """The engines by name, the default first."""
 DEFAULT_ENGINE = next(iter(ENGINES))
@@ -96,8 +101,8 @@ class RunOptions:
 
     Args:
         engine: "processes", every program a process of its own over Zenoh; "in-process", the same
-            control steps called directly; or "native", the same in C where that is possible. All
-            give the same trajectory to the last bit.
+            control steps called directly; "native", the same in C where that is possible; or
+            "auto", the faster of these two. All give the same trajectory to the last bit.
         out: of phalanx.run: folder in which the run gets a folder of its own. By default a
             temporary one, removed with the returned object.
         progress: called a few times a second with the run's status, perhaps in another thread.

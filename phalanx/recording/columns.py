@@ -10,11 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phalanx.guarantee.verdict import Deadlock
 from phalanx.messages.step_report import StepReport
 from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.rows.origin import Origin
 
-_ORIGINS = {origin: number for number, origin in enumerate(Origin)}
+ORIGINS = {origin: number for number, origin in enumerate(Origin)}
+"""Numbers of all, in columns."""
 
 
 class States(NamedTuple):
@@ -89,6 +91,15 @@ class Stated(NamedTuple):
     sizes are not the sender's."""
 
 
+class Track(NamedTuple):
+    """The recorded states of a run, its inputs and deadlocks: what metrics are made of."""
+
+    states: States
+    inputs: Inputs
+    deadlocks: list[Deadlock] | None
+    """None if they are not known."""
+
+
 class TrueStates(NamedTuple):
     """The true state at each input, and at the sample that it answers."""
 
@@ -146,7 +157,7 @@ def inputs_of(
     """
     number, i, k, t_sample, t_apply, lost = zip(*events, strict=True) if events else [()] * 6
     fits, widest = widths[indices(i)], int(widths.max())
-    bindings, origins = [r.binding for r in reports], [_ORIGINS[r.origin] for r in reports]
+    bindings, origins = [r.binding for r in reports], [ORIGINS[r.origin] for r in reports]
     return Inputs(
         indices(number), indices(i), indices(k), np.array(t_sample), np.array(t_apply),
         np.array(lost, dtype=bool), indices(origins), _padded(u, fits, widest, 0.0),

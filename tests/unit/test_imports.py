@@ -99,7 +99,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx_viewer.export": CURVES | rooms("report viewer.scene viewer.feeds viewer.plots"),
     # Packages of their own, in packages/.
-    "phalanx_attacks": COMMANDED | rooms("report studies studies.statistics"),
+    "phalanx_attacks": COMMANDED | rooms("native.loop report studies studies.statistics"),
     "phalanx_certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
     "phalanx_certify.checker": rooms("theory.models theory.safety scenario"),
@@ -109,11 +109,13 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_mcap": CURVES | rooms("viewer.scene"),
     "phalanx_paper": COMMANDED | METRICS | CURVES | rooms("report"),
     # Many runs: it hashes the sources of all that decides a run.
-    "phalanx_studies": COMMANDED | METRICS | rooms("studies.statistics studies.page agent plant"),
+    "phalanx_studies": COMMANDED
+    | METRICS
+    | rooms("native.loop studies.statistics studies.page agent plant"),
     "phalanx_studies.statistics": set(),
     "phalanx_studies.page": COMMANDED | rooms("report studies.statistics studies"),
     # Tests of a user's swarm, and the plugin of pytest that serves them.
-    "phalanx_testing": COMMANDED | rooms("studies.statistics"),
+    "phalanx_testing": COMMANDED | rooms("native.loop studies.statistics"),
     "phalanx_testing.pytest": COMMANDED | rooms("testing"),
     "phalanx_worlds": COMMANDED,
     "phalanx_ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
@@ -128,11 +130,11 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2335,
     "messages": 915,
-    "native": 2955,
+    "native": 3070,
     "network": 1595,
-    "plant": 5785,
+    "plant": 5840,
     "promise": 715,
-    "recording": 2560,
+    "recording": 2575,
     "report": 2010,
     "scenario": 1690,
     "schema": 960,
@@ -336,7 +338,7 @@ def test_no_room_is_larger_than_its_budget():
 
 
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_045)]
+    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_150)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

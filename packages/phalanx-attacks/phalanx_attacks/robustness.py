@@ -21,8 +21,8 @@ from phalanx_studies.work import Job
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.start import longest_certificate
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.simulation import RecordsInMemory, Simulation
-from phalanx.recording.read import Recording
+from phalanx.native.loop.fastest import finish
+from phalanx.recording.columns import Track
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
@@ -39,10 +39,12 @@ class Evaluation:
 
     swarm: Swarm
     summary: Summary
-    recording: Recording
-    """Its states and steps."""
+    track: Track
+    """Its states and inputs."""
     pairs: Mapping[str, float]
     """Robustness of each pair, by its label."""
+    engine: str
+    """The engine that made it."""
 
     @property
     def least(self) -> float:
@@ -51,7 +53,7 @@ class Evaluation:
 
 
 def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> Evaluation:
-    """Run a resolved scenario in-process to its verdict, and measure its robustness.
+    """Run a resolved scenario to its verdict, and measure its robustness.
 
     scales: of h of each pair, by label, as scales_of returns them for the scenario that a search
     began with; by default those of this scenario.
@@ -65,16 +67,13 @@ def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> E
 
 def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -> Evaluation:
     """Do the same with rows that are built already."""
-    swarm, records = rows.swarm, RecordsInMemory()
-    scales = scales or scales_of(swarm)
-    simulation = Simulation(rows, records)
-    summary = simulation.run()
+    swarm, scales = rows.swarm, scales or scales_of(rows.swarm)
+    summary, track, least, engine = finish(rows)
     if summary.outcome is Outcome.STOPPED:
         raise KeyboardInterrupt  # the plant reacted to it
-    recording = records.recording(swarm.scenario)
     # Between two states an unsafe h is in the summary's violations, to the integration step.
-    highest = {label: float(h.max()) for label, h in swarm.h_of_pairs(recording.x).items()}
-    remaining = dict(zip(highest, simulation.plant.judge.coverage.least.tolist(), strict=True))
+    highest = {label: float(h.max()) for label, h in swarm.h_of_pairs(track.states.x).items()}
+    remaining = dict(zip(highest, least.tolist(), strict=True))
     for violation in summary.violations:
         highest[violation.pair] = max(highest[violation.pair], violation.worst)
     counted = {violation.pair for violation in summary.violations}
@@ -83,7 +82,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
             del highest[violation.pair]
     tau = swarm.longest_horizon
     pairs = {l: robustness(h / scales[l], remaining[l] / tau) for l, h in highest.items()}
-    return Evaluation(swarm, summary, recording, pairs)
+    return Evaluation(swarm, summary, track, pairs, engine)
 
 
 def robustness(h: float, remaining: float) -> float:
@@ -133,7 +132,9 @@ def measured(
             robustness=json_text({START: _INADMISSIBLE + short}),
         )  # fmt: skip
     evaluation = evaluate_rows(rows, scales)
-    row = row_of(identity, job.overrides, evaluation.summary, evaluation.recording, rows.swarm)
+    row = row_of(
+        identity, job.overrides, evaluation.summary, evaluation.track, rows.swarm, evaluation.engine
+    )
     return msgspec.structs.replace(row, robustness=json_text(evaluation.pairs))
 
 

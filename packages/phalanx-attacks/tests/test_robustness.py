@@ -46,7 +46,9 @@ def test_a_violation_between_two_recorded_states_makes_it_negative():
     clocks = {f"agents.{group}.clock.period": 1.0 for group in (0, 1)}
     passes = one_on_one([0.0, -3.0], **clocks, **{"agents.1.dynamics.speed": 6.0})
     evaluation = evaluate(passes)
-    assert max(h.max() for h in build_swarm(passes).h_of_pairs(evaluation.recording.x).values()) < 0
+    assert (
+        max(h.max() for h in build_swarm(passes).h_of_pairs(evaluation.track.states.x).values()) < 0
+    )
     assert evaluation.summary.outcome == "violated"
     assert evaluation.least < 0.0
 

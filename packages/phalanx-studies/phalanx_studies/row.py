@@ -22,6 +22,7 @@ import polars as pl
 import phalanx
 import phalanx_studies
 from phalanx.guarantee.verdict import Summary
+from phalanx.recording.columns import Track
 from phalanx.recording.metrics.table import METRICS, SWARM, metrics_of
 from phalanx.recording.read import Recording
 from phalanx.scenario.model import Scenario, digest
@@ -114,6 +115,8 @@ class Row(msgspec.Struct, kw_only=True):
     """Of the swarm, by name."""
     trajectory: str = ""
     """Hash of the trajectory."""
+    engine: str = ""
+    """The engine that made it, of those with the same bits."""
     wall_time: float = 0.0
     """[s]"""
     platform: str = platform.platform()
@@ -124,8 +127,8 @@ class Row(msgspec.Struct, kw_only=True):
 
 
 def row_of(
-    identity: Identity, overrides: dict[str, Any], summary: Summary, recording: Recording,
-    swarm: Swarm,
+    identity: Identity, overrides: dict[str, Any], summary: Summary, run: Recording | Track,
+    swarm: Swarm, engine: str = "in-process",
 ) -> Row:  # fmt: skip
     """Return the row of a run that went to its verdict. Raises MistakenMethodError."""
     certificates = summary.certificates
@@ -144,8 +147,9 @@ def row_of(
         uncovered_at=certificates.uncovered_at,
         empty=sum(summary.origins.get(origin, 0) for origin in EMPTY),
         faults=", ".join(fault.name for fault in summary.faults if fault.count),
-        metrics=metrics_of(recording, swarm)[SWARM],
+        metrics=metrics_of(run, swarm)[SWARM],
         trajectory=summary.trajectory,
+        engine=engine,
         wall_time=summary.wall_time,
     )
 

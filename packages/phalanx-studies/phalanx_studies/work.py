@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from typing import Any, NamedTuple
 
 from phalanx.launcher import interrupt
-from phalanx.launcher.simulation import RecordsInMemory, Simulation
+from phalanx.native.loop.fastest import finish
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
@@ -64,10 +64,8 @@ def _row_by(work: Work, job: Job, identity: Identity) -> Row:
 
 
 def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
-    records = RecordsInMemory()
-    summary = Simulation(rows, records).run()
-    recording = records.recording(rows.swarm.scenario, summary)
-    return row_of(identity, job.overrides, summary, recording, rows.swarm)
+    run = finish(rows)
+    return row_of(identity, job.overrides, run.summary, run.track, rows.swarm, run.engine)
 
 
 def compute(job: Job, work: Work = _measured) -> list[Row]:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from phalanx_studies.statistics import LEVEL, Interval, beta_mixture
 
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.simulation import Simulation
+from phalanx.native.loop.fastest import finish
 from phalanx.swarm.runnable import shared_rows
 from phalanx_testing.conditions import Source, faulty
 
@@ -118,7 +118,7 @@ class RateStudy:
         """Return the summary of a run, which is executed once."""
         if seed not in self.summaries:
             scenario = faulty(self._scenario, seed=seed, **self._conditions)
-            summary = Simulation(shared_rows(scenario)).run()
+            summary = finish(shared_rows(scenario)).summary
             if summary.outcome in (Outcome.BROKEN, Outcome.STOPPED):
                 raise AssertionError(f"seed {seed}: the run is {summary.outcome}: {summary.reason}")
             self.summaries[seed] = summary

@@ -21,7 +21,7 @@ from phalanx.theory.rows.origin import EMPTY
 from phalanx_testing.claims import claim
 from phalanx_testing.conditions import Source, faulty
 
-FASTEST_ENGINE = "in-process"
+FASTEST_ENGINE = "auto"
 """It runs every scenario, with the bits of processes."""
 
 

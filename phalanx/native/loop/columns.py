@@ -9,13 +9,13 @@ from phalanx_plant.world.segments import Segments
 
 from phalanx.native.loop.memory import Memory
 from phalanx.native.loop.steps import Lists, Steps, written, written_steps
-from phalanx.recording.columns import Aged, Inputs, Samples, Stated, States
+from phalanx.recording.columns import ORIGINS, Aged, Inputs, Samples, Stated, States
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.rows.origin import Origin
 
 _MADE_BY = Origin.QP, Origin.SOLVER_FAILED, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.ATTACK
-_ORIGINS = np.array([[*Origin].index(origin) for origin in _MADE_BY])
+_ORIGINS = np.array([ORIGINS[origin] for origin in _MADE_BY])
 """By number, as terms.c has them."""
 _MOST_IN_SEGMENT = 4
 _MOST_CLAIMS = 2048

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import numpy as np
 from phalanx_plant.observers.recorder import RecordSink
+from phalanx_plant.observers.track import TrackKeeper
 from phalanx_plant.run import PlantRun
 from phalanx_plant.world.world import DisturbanceKnot
 
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import Progress, RunOptions
+from phalanx.launcher.engine import RunOptions
 from phalanx.launcher.simulation import Simulation
-from phalanx.messages.kinds import Telemetry
+from phalanx.messages.kinds import Status, Telemetry
 from phalanx.native.library import build, missing, require_compiler
 from phalanx.native.loop.columns import Batch, ColumnReader
 from phalanx.native.loop.eligible import reason_against
@@ -28,12 +29,12 @@ from phalanx.native.loop.tables import RunMemory
 from phalanx.recording.records import RECORDING
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.runnable import require_runnable, shared_rows
 from phalanx.swarm.swarm import build_swarm
 
 log = logging.getLogger("phalanx.native")
 NATIVE, IN_PROCESS = "native", "in-process"
-_OVER = 1
+_OPTIONS, _OVER = RunOptions(NATIVE), 1
 _WHY = {
     -1: "a number is no longer finite",
     -2: "a link's rule makes too many copies, or none that can arrive",
@@ -74,31 +75,28 @@ class NativeSimulation(Simulation):
     """A run whose steps are made in C; it is judged and recorded as in process."""
 
     def __init__(
-        self, run: CompiledRun, records: Path | RecordSink | None, options: RunOptions
-    ) -> None:
-        """records: as Simulation takes them."""
-        self._run = run
+        self, run: CompiledRun, records: Path | RecordSink | None, options: RunOptions = _OPTIONS,
+        keeper: TrackKeeper | None = None,
+    ) -> None:  # fmt: skip
+        """records and options: as Simulation takes them. keeper: keeps columns of events."""
+        self._run, self._keeper = run, keeper
         super().__init__(run.rows, records, options)
 
     def _plant_run(self, sink: RecordSink | None, opened: ExitStack) -> PlantRun:
-        clock = _Clock(self._run, sink)
-        agents = _Reports(self._options.progress)
-        clock.plant = PlantRun(self._rows, agents, None, self.queue, lambda *_: clock)
+        clock = _Clock(self._run, sink, self._keeper)
+        clock.plant = PlantRun(self._rows, self, None, self.queue, lambda *_: clock)
         return clock.plant
 
     def _compile(self) -> None:
         """Do nothing: all is compiled."""
 
-
-class _Reports:
-    """The agents: their reports are among the columns, and none is awaited."""
-
-    def __init__(self, progress: Progress) -> None:
-        self.publish_status = progress
-
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """Raise an error."""
+        """Raise an error: reports are among the columns."""
         raise NotImplementedError
+
+    def publish_status(self, message: Status) -> None:
+        """Call the run's progress callback."""
+        self._options.progress(message)
 
 
 class _Clock:
@@ -107,8 +105,10 @@ class _Clock:
     punctuality = None
     plant: PlantRun
 
-    def __init__(self, run: CompiledRun, sink: RecordSink | None) -> None:
-        swarm = run.rows.swarm
+    def __init__(
+        self, run: CompiledRun, sink: RecordSink | None, keeper: TrackKeeper | None
+    ) -> None:
+        swarm, self._keeper = run.rows.swarm, keeper
         self._run, self._sizes = run, np.array([len(m.dynamics.inputs) for m in swarm.members])
         self._recorder = None if sink is None else ColumnRecorder(swarm, sink)
 
@@ -138,6 +138,8 @@ class _Clock:
         hits = Counter(n for word in faults[faults != 0].tolist() for n in bits(word))
         backups = judge.add_reports(columns.inputs, batch.answers["rejected"], hits)
         self.plant.trajectory.add_columns(columns.states, columns.inputs, self._sizes)
+        if self._keeper is not None:
+            self._keeper.keep(columns)
         if self._recorder is not None:
             states, inputs = columns.states, columns.inputs
             notices = {int(states.number[row]): lines for row, lines in folded.notices.items()}
@@ -149,18 +151,27 @@ class _Clock:
 def run_native(scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions) -> Summary:
     """Run a scenario to its verdict, as an Engine; in process if it cannot be run in C."""
     rows, reason = _runnable(scenario, options)
+    if reason:
+        log.warning("in process, not native: %s", reason)
+    return run_or_else(None if reason else compiled_run(rows), scenario, make_folder, options)
+
+
+def run_or_else(
+    run: CompiledRun | None, scenario: Scenario, make_folder: Callable[[], Path],
+    options: RunOptions,
+) -> Summary:  # fmt: skip
+    """Run to the verdict; in process if there is no compiled run, or it cannot go on."""
+    rows = None if run else shared_rows(scenario)
     folder = make_folder()
+    # A Ctrl-C must not interrupt writing: it ends the run at the next sample.
     with interrupt.handled(), interrupt.deferred():
-        if not reason:
-            run = compiled_run(rows)
-            assert run is not None
+        if run is not None:
             try:
                 return NativeSimulation(run, folder, options).run()
             except LoopError as error:
-                reason = str(error)
+                log.warning("in process, not native: %s", error)
                 (folder / RECORDING).unlink()
-        log.warning("in process, not native: %s", reason)
-        return Simulation(require_runnable(build_swarm(scenario)), folder, options).run()
+        return Simulation(rows or shared_rows(scenario), folder, options).run()
 
 
 def _runnable(scenario: Scenario, options: RunOptions) -> tuple[SafetyRows, str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from phalanx_plant.observers.recorder import RecordSink
+from phalanx_plant.observers.track import DueStates
 
 from phalanx.native.loop.columns import Batch
 from phalanx.native.loop.steps import Lists, Steps
@@ -24,9 +25,8 @@ class ColumnRecorder:
         self._names, self._declared = swarm.names, swarm.links.declared
         self._sizes = [len(member.dynamics.inputs) for member in swarm.members]
         self._recording = recording
-        self._every, self._end = swarm.time.recording_step, swarm.scenario.duration
-        self._due, self._peak = 0.0, np.full(2, -np.inf)
-        """When the next state is recorded [s], and the largest values since the last one."""
+        self._due, self._peak = DueStates(swarm), np.full(2, -np.inf)
+        """The latter: the largest values since the last recorded state."""
 
     def record(
         self, batch: Batch, peaks: Array, certified: Array, notices: Mapping[int, Sequence[Log]],
@@ -44,7 +44,7 @@ class ColumnRecorder:
         states, inputs = batch.columns.states, batch.columns.inputs
         number, records = states.number.tolist(), list[tuple[int, int, Any]]()
         begin = 0
-        for row in self._due_states(states.t.tolist()):
+        for row in self._due.of(states.t):
             peak = np.maximum(self._peak, peaks[begin : row + 1].max(axis=0)).tolist()
             state = State(float(states.t[row]), states.x[row].tolist(), *peak)
             records.append((number[row], 0, state))
@@ -55,15 +55,6 @@ class ColumnRecorder:
         records += [(n, 2, step) for n, step in zip(inputs.number.tolist(), steps, strict=True)]
         records.sort(key=lambda record: record[:2])
         self._recording.write(*[record for _, _, record in records])
-
-    def _due_states(self, times: Sequence[float]) -> list[int]:
-        """Return the states, at these times [s], that are recorded."""
-        due = list[int]()
-        for row, t in enumerate(times):
-            if t >= min(self._due, self._end):
-                due.append(row)
-                self._due = t + self._every
-        return due
 
     def _steps(self, batch: Batch, certified: Array, seconds: float) -> list[Step]:
         """Return the records of control steps."""

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.guarantee.verdict import Deadlock
-from phalanx.recording.columns import States, indices, inputs_of
+from phalanx.recording.columns import ORIGINS, Inputs, States, Track, indices, inputs_of
 from phalanx.recording.deadlock import STILL, DeadlockWatch
-from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.recording.records import Step
+from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import added, dot, length
@@ -86,38 +85,10 @@ def input_deviation(inputs: InputSeries) -> float | None:
     return float(dot(inputs.duration[finite], deviation[finite])) / duration if duration else None
 
 
-def metrics_of_agents(
-    recording: Recording, swarm: Swarm, limits: Thresholds
-) -> list[dict[str, Value]]:
-    """Return each agent's metrics by name, in the scenario's order; None where one has no meaning.
-
-    Raises MistakenMethodError of a user's reference.
-    """
-    t, x, parts = recording.times, recording.x, swarm.safe_set.parts
-    end = float(t[-1]) if len(t) else 0.0
-    p = swarm.positions(x.reshape(len(t), swarm.safe_set.parts[-1].stop))
-    deadlocks, watched = deadlocks_of(recording, swarm, limits), swarm.normal if len(t) else ()
-    states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
-    steps = steps_by_agent(recording).values()
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
-        return [
-            {
-                **_task(swarm, i, t, states, p[:, i], limits),
-                **_distances(swarm, i, p),
-                **_inputs(of_agent, len(swarm.members[i].dynamics.inputs), end),
-                **(_deadlock(swarm.names[i], deadlocks, end) if i in watched else {}),
-            }
-            for i, of_agent in enumerate(steps)
-        ]
-
-
-def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL) -> list[Deadlock]:
-    """Return the deadlocks that the plant recorded; watch again with other limits, or without."""
-    recorded = recording.summary.deadlocks if recording.summary else None
-    if recorded is not None and limits.of_deadlocks == _USUAL.of_deadlocks:
-        return recorded
-    watch, steps = DeadlockWatch(swarm, *limits.of_deadlocks), recording.steps
-    t, at = recording.times, np.array([step.t_apply for step in steps])
+def track_of(recording: Recording, swarm: Swarm) -> Track:
+    """Return the states, inputs and deadlocks of a recording."""
+    t, steps = recording.times, recording.steps
+    at = np.array([step.t_apply for step in steps])
     # An input at the time of a state comes after it, as do those recorded later.
     before = np.searchsorted(np.maximum.accumulate(at), t)
     after = np.searchsorted(before, np.arange(len(steps)), side="right")
@@ -127,8 +98,44 @@ def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL
         for n, (step, states) in enumerate(zip(steps, after.tolist(), strict=True))
     ]
     widths = indices([len(m.dynamics.inputs) for m in swarm.members])
+    x = recording.x.reshape(len(t), swarm.safe_set.parts[-1].stop)
+    states = States(before + np.arange(len(t)), t, x)
     inputs = inputs_of(events, [step.u for step in steps], steps, widths)
-    watch.add(States(before + np.arange(len(t)), t, recording.x), inputs)
+    return Track(states, inputs, recording.summary.deadlocks if recording.summary else None)
+
+
+def metrics_of_agents(track: Track, swarm: Swarm, limits: Thresholds) -> list[dict[str, Value]]:
+    """Return each agent's metrics by name, in the scenario's order; None where one has no meaning.
+
+    Raises MistakenMethodError of a user's reference.
+    """
+    (_, t, x), parts = track.states, swarm.safe_set.parts
+    end = float(t[-1]) if len(t) else 0.0
+    p = swarm.positions(x)
+    deadlocks, watched = _deadlocks(track, swarm, limits), swarm.normal if len(t) else ()
+    states = [{l: state[part] for l, part in enumerate(parts)} for state in x]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be as large as floats are
+        return [
+            {
+                **_task(swarm, i, t, states, p[:, i], limits),
+                **_distances(swarm, i, p),
+                **_inputs(track.inputs, i, len(member.dynamics.inputs), end),
+                **(_deadlock(member.name, deadlocks, end) if i in watched else {}),
+            }
+            for i, member in enumerate(swarm.members)
+        ]
+
+
+def deadlocks_of(recording: Recording, swarm: Swarm, limits: Thresholds = _USUAL) -> list[Deadlock]:
+    """Return the deadlocks that the plant recorded; watch again with other limits, or without."""
+    return _deadlocks(track_of(recording, swarm), swarm, limits)
+
+
+def _deadlocks(track: Track, swarm: Swarm, limits: Thresholds) -> list[Deadlock]:
+    if track.deadlocks is not None and limits.of_deadlocks == _USUAL.of_deadlocks:
+        return track.deadlocks
+    watch = DeadlockWatch(swarm, *limits.of_deadlocks)
+    watch.add(track.states, track.inputs)
     return watch.deadlocks
 
 
@@ -187,24 +194,23 @@ def _deadlock(name: str, deadlocks: Sequence[Deadlock], duration: float) -> dict
     }
 
 
-def _inputs(steps: Sequence[Step], width: int, end: float) -> dict[str, Value]:
-    """Return the metrics of an agent's inputs, `width` numbers each, up to the end [s]."""
-    if not steps:
+def _inputs(inputs: Inputs, i: int, width: int, end: float) -> dict[str, Value]:
+    """Return the metrics of agent i's inputs, `width` numbers each, up to the end [s]."""
+    rows = np.flatnonzero(inputs.i == i)
+    if not len(rows):
         return {}
-    ordered = sorted(steps, key=lambda step: step.t_apply)
-    applied = np.minimum([*(step.t_apply for step in ordered), end], end)
+    rows = rows[np.argsort(inputs.t_apply[rows], kind="stable")]
+    applied = np.minimum(np.append(inputs.t_apply[rows], end), end)
     duration = np.maximum(np.diff(applied), 0.0)
-    unknown = (np.nan,) * width
-    u, u_nom = ([step.u for step in ordered], [step.u_nom or unknown for step in ordered])
-    inputs = InputSeries(duration, np.array(u), np.array(u_nom))
-    in_force = list(zip(ordered, duration.tolist(), strict=True))
+    series = InputSeries(duration, inputs.u[rows, :width], inputs.u_nom[rows, :width])
+    origins = inputs.origin[rows]
 
     def time_with(origin: Origin) -> float:
-        return added(seconds for step, seconds in in_force if step.origin == origin)
+        return added(duration[origins == ORIGINS[origin]].tolist())
 
     return {
-        "input_energy": input_energy(inputs),
-        "input_deviation_mean": input_deviation(inputs),
+        "input_energy": input_energy(series),
+        "input_deviation_mean": input_deviation(series),
         "backup_time": time_with(Origin.BACKUP),
         "no_authority_time": time_with(Origin.NO_AUTHORITY),
     }

@@ -5,7 +5,13 @@ from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
-from phalanx.recording.metrics.measures import Thresholds, Value, metrics_of_agents
+from phalanx.recording.columns import Track
+from phalanx.recording.metrics.measures import (
+    Thresholds,
+    Value,
+    metrics_of_agents,
+    track_of,
+)
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.schema.extensions import extras_named
 from phalanx.swarm.swarm import Swarm
@@ -53,13 +59,14 @@ METRIC_HEAD = ("agent", *(f"{n} [{m.unit}]" if m.unit else n for n, m in METRICS
 
 
 def metrics_of(
-    recording: Recording, swarm: Swarm, limits: Thresholds | None = None
+    run: Recording | Track, swarm: Swarm, limits: Thresholds | None = None
 ) -> dict[str, dict[str, Value]]:
     """Return all metrics by agent's name, those of the swarm last, by `SWARM`.
 
     Raises MistakenMethodError of a user's reference.
     """
-    metrics = metrics_of_agents(recording, swarm, limits or Thresholds())
+    track = run if isinstance(run, Track) else track_of(run, swarm)
+    metrics = metrics_of_agents(track, swarm, limits or Thresholds())
     complete = [{name: agent.get(name) for name in METRICS} for agent in metrics]
     normal = [complete[i] for i in swarm.normal]
     return dict(zip(swarm.names, complete, strict=True)) | {SWARM: _of_swarm(normal)}

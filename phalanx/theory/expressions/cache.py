@@ -65,4 +65,4 @@ def cached_for(of: Sequence[object], key: Hashable, make: Callable[[], T]) -> T:
 
 def scenario_functions(fields: str) -> FunctionCache:
     """Return the cache of scenarios that are equal in all that decides on their functions."""
-    return _of_thread.of_scenarios.get(fields, FunctionCache)
+    return _of_thread.of_scenarios.get((generation(), fields), FunctionCache)

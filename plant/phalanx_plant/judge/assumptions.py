@@ -8,7 +8,15 @@ import numpy as np
 
 from phalanx.guarantee.proof_gaps import proof_gaps
 from phalanx.guarantee.verdict import Assumption
-from phalanx.recording.columns import Aged, Inputs, Samples, States, TrueStates, last_before
+from phalanx.recording.columns import (
+    ORIGINS,
+    Aged,
+    Inputs,
+    Samples,
+    States,
+    TrueStates,
+    last_before,
+)
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.arrays import Array, Index, Mask
@@ -21,10 +29,9 @@ from phalanx_plant.world.world import Actuators, DisturbanceKnot
 _STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
 _WITHIN = "no disturbance was larger than disturbance.bound"
 _ROUNDING = 1e-9
-_NUMBER = {origin: number for number, origin in enumerate(Origin)}
-_ATTACK = _NUMBER[Origin.ATTACK]
-_OF_CONTROLLERS = [_NUMBER[origin] for origin in OF_CONTROLLERS]
-_OF_NO_ROWS = [_NUMBER[origin] for origin in OF_NO_ROWS]
+_ATTACK = ORIGINS[Origin.ATTACK]
+_OF_CONTROLLERS = [ORIGINS[origin] for origin in OF_CONTROLLERS]
+_OF_NO_ROWS = [ORIGINS[origin] for origin in OF_NO_ROWS]
 
 
 class Assumptions:

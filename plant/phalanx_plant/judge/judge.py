@@ -26,7 +26,7 @@ from phalanx.guarantee.verdict import (
     Violation,
 )
 from phalanx.network.inbox import Conviction, DeliveryReport
-from phalanx.recording.columns import Inputs, TrueStates
+from phalanx.recording.columns import ORIGINS, Inputs, TrueStates
 from phalanx.recording.deadlock import DeadlockWatch
 from phalanx.recording.records import Level, Log
 from phalanx.schema.registry import part_of_agent
@@ -54,7 +54,7 @@ from phalanx_plant.world.extremes import LOWEST, Crossing, Extremes, PairExtreme
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError, History
 
 _CHANGES = (CommandApplied, MemberLost)
-_BACKUP = [*Origin].index(Origin.BACKUP)
+_BACKUP = ORIGINS[Origin.BACKUP]
 
 
 class Judged(Struct, frozen=True):

@@ -15,6 +15,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Index
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
+from phalanx_plant.observers.track import DueStates
 from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached
 from phalanx_plant.world.extremes import LOWEST, larger
 
@@ -75,9 +76,7 @@ class Recorder:
     def __init__(self, swarm: Swarm, recording: RecordSink) -> None:
         self._names, self._declared = swarm.names, swarm.links.declared
         self._recording = recording
-        self._every, self._end = swarm.time.recording_step, swarm.scenario.duration
-        """Least time between two recorded states [s]."""
-        self._state_due = 0.0
+        self._due = DueStates(swarm)
         self._peak = LOWEST
         """Largest values since the last recorded state."""
         self._received: list[list[tuple[DeliveryReport, Finding]]] = [[] for _ in swarm.names]
@@ -92,9 +91,9 @@ class Recorder:
             match event:
                 case StateReached():
                     self._peak = larger(self._peak, judged.peak)
-                    if event.t >= min(self._state_due, self._end):
+                    if self._due.take(event.t):
                         records.append(State(event.t, event.x.tolist(), *self._peak))
-                        self._state_due, self._peak = event.t + self._every, LOWEST
+                        self._peak = LOWEST
                 case CommandApplied():
                     records.append(event.command)
                 case InputApplied() | InputLost():

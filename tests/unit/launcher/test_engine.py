@@ -34,7 +34,7 @@ def run(scenario, make_folder, options):
 def test_an_unknown_engine_is_refused_with_a_list_of_engines(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    expected = "expected 'processes' or 'in-process' or 'native', got 'warp'"
+    expected = "expected 'processes' or 'in-process' or 'native' or 'auto', got 'warp'"
     run = phalanx.run("pinned", engine="in-process", out=tmp_path)
     with pytest.raises(ValueError, match=expected):
         phalanx.run("pinned", engine="warp")
