@@ -26,6 +26,8 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 """Keys that TOML needs no quotes for."""
 _DEEPEST, _LONGEST = 64, 1024
 """Most tables and lists inside one another, and bits of an integer."""
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 
 
 def shipped() -> dict[str, Traversable]:
@@ -114,11 +116,12 @@ def read_table(
 def described(error: ValidationError, source: str) -> str:
     """List every problem that was found in a table, a line each; source: its file."""
     found = error.errors()
-    places = [e["loc"] for e in found]
+    # A list with invalid items is also too short: what is inside says more.
+    around = {e["loc"][:n] for e in found for n in range(len(e["loc"]))}
     problems = [
         _describe(e["loc"], e["msg"], e["input"], e["type"])
         for e in found
-        if not any(_is_below(place, e["loc"]) for place in places)
+        if e["loc"] not in around
     ]
     return "\n".join(f"{source}: {p}" for p in problems)
 
@@ -162,7 +165,7 @@ def field_and_value(override: str) -> tuple[str, Any]:
 def value_from(text: str) -> Any:
     """Read a value as TOML, but also .5 as a number; any other text is a string."""
     try:
-        return _bounded(tomllib.loads(f"value = {text}"))["value"]
+        return _toml(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         pass
     try:  # TOML has no number that begins with a point
@@ -211,9 +214,16 @@ def _as_table(path: str, value: Any) -> Any:
 def _parsed(source: str) -> dict[str, Any]:
     text = _read(source)
     try:
-        return dict(_bounded(tomllib.loads(text)))
+        return _toml(text)
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{source}: not valid TOML: {error}") from error
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """Parse TOML. Raises ValueError, RecursionError: no TOML, too deep, or too long to be shown."""
+    if _DEEP_KEY.search(text):  # tomllib's time grows with the square of a key's parts
+        raise ValueError(f"a key of more than {_DEEPEST} parts")
+    return dict(_bounded(tomllib.loads(text)))
 
 
 def _bounded(value: Any, depth: int = 0) -> Any:
@@ -242,11 +252,6 @@ def _read(source: str) -> str:
         raise ScenarioError(f"{source}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{source}: cannot be read: {error}") from error
-
-
-def _is_below(place: tuple[int | str, ...], other: tuple[int | str, ...]) -> bool:
-    """Return whether a location is inside another: a list with invalid items is too short."""
-    return len(place) > len(other) and place[: len(other)] == other
 
 
 def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str) -> str:
