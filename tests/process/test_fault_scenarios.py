@@ -75,8 +75,8 @@ def overtaken(run: phalanx.Run) -> bool:
 
 def in_slots(run: phalanx.Run) -> bool:
     """Return whether every broadcast arrived at a multiple of 50 ms."""
-    sent = run.inputs.select("k", "t_apply", sender="agent")
-    came = run.links.filter(~run.links["lost"]).join(sent, on=["sender", "k"])
+    inputs = run.inputs.select("k", "t_apply", sender="agent")
+    came = run.links.filter(~run.links["lost"]).join(inputs, on=["sender", "k"])
     slots = (came["t_apply"] + came["delay"]).to_numpy() / 0.05
     return np.allclose(slots, np.round(slots), atol=1e-9)
 

@@ -136,7 +136,7 @@ BUDGET: Mapping[str, int] = {
     "promise": 715,
     "recording": 2575,
     "report": 2010,
-    "scenario": 1690,
+    "scenario": 1695,
     "schema": 960,
     "swarm": 2620,
     "theory": 9310,

@@ -40,7 +40,7 @@ def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3), tau=TAU):
     return pair_certificate(pair, 0, [Linear(a) for a in alphas], bounds, tau)
 
 
-def held(certificate: PairCertificate, x: np.ndarray, u: np.ndarray) -> float:
+def certified_time(certificate: PairCertificate, x: np.ndarray, u: np.ndarray) -> float:
     """Return the time for which a pair in state x is certified [s], if agent a holds u."""
     return certificate.times(x[None], u)[0]
 
@@ -56,7 +56,7 @@ def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, exce
     """The other and both disturbances push together: d' = u - 1 - 0.6 excess, exactly."""
     rng = np.random.default_rng(seed)
     d, u = rng.uniform(1.0, 1.5), rng.uniform(-1, 1)
-    time = held(line(), np.array([d, 0.0, 0.0, 0.0]), np.array([u, 0.0]))
+    time = certified_time(line(), np.array([d, 0.0, 0.0, 0.0]), np.array([u, 0.0]))
     closing = 1.0 - u + 0.6
     meeting = (d - 1.0) / closing if closing > 0 else np.inf
     assert time <= meeting
@@ -65,13 +65,13 @@ def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, exce
 
 
 def test_nothing_is_certified_outside():
-    assert held(line(), np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
+    assert certified_time(line(), np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
     parting = np.array([0.9, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # ψ_1 < 0
-    assert held(double_integrators(1.0), parting, np.array([2.0, 0.0])) == 0.0
+    assert certified_time(double_integrators(1.0), parting, np.array([2.0, 0.0])) == 0.0
 
 
 def test_far_apart_all_is_certified():
-    time = held(line(), np.array([9.0, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0]))
+    time = certified_time(line(), np.array([9.0, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0]))
     assert time == MULTIPLES[0] * TAU
 
 
@@ -81,7 +81,9 @@ def test_far_apart_all_is_certified():
 def test_the_last_alpha_has_no_part_in_it(seed, gain):
     rng = np.random.default_rng(seed)
     x, u = rng.uniform(-1, 1, 8), rng.uniform(-2, 2, 2)
-    assert held(double_integrators(gain), x, u) == held(double_integrators(1.0), x, u)
+    assert certified_time(double_integrators(gain), x, u) == certified_time(
+        double_integrators(1.0), x, u
+    )
 
 
 @cache
@@ -92,7 +94,7 @@ def double_integrators(gain: float) -> PairCertificate:
 
 def test_two_that_part_are_certified_for_longer_by_their_chain_than_by_h_alone():
     x = np.array([1.005, 0.0, 1.135, -0.464, 0.0, 0.0, 0.0, 0.0])
-    assert held(double_integrators(1.0), x, np.array([2.0, -2.0])) > 2.5 * TAU
+    assert certified_time(double_integrators(1.0), x, np.array([2.0, -2.0])) > 2.5 * TAU
 
 
 class Jumping:
@@ -124,10 +126,10 @@ def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
     x = np.zeros(2 * len(dynamics.states))
     x[1 - len(dynamics.states)] = 5.0
     u = np.array([1.0, 0.0])
-    assert held(pair, x - np.eye(len(x))[0], u) == MULTIPLES[0] * TAU
+    assert certified_time(pair, x - np.eye(len(x))[0], u) == MULTIPLES[0] * TAU
     near = x.copy()
     near[0] = 1.0 - 1e-6 - (dynamics.offset if isinstance(dynamics, Unicycle) else 0.0)
-    assert held(pair, near, u) == 0.0
+    assert certified_time(pair, near, u) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -143,8 +145,8 @@ def test_a_jump_without_a_derivative_is_never_certified_either(jump):
     """Jumps by 1 or more at (3, 0), each of which takes h above zero."""
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
     ahead = np.array([1.0, 1.0])
-    assert held(pair, np.array([-5.4, 0.0, 0.0, 0.0]), ahead) > 0.0
-    assert held(pair, np.array([3.0 - 1e-6, -1e-6, 0.0, 0.0]), ahead) == 0.0
+    assert certified_time(pair, np.array([-5.4, 0.0, 0.0, 0.0]), ahead) > 0.0
+    assert certified_time(pair, np.array([3.0 - 1e-6, -1e-6, 0.0, 0.0]), ahead) == 0.0
     assert not pair.refused
 
 
@@ -158,15 +160,15 @@ def test_a_jump_without_a_derivative_is_never_certified_either(jump):
 )
 def test_what_has_no_interval_rule_is_refused_by_its_name(jump, name):
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
-    assert held(pair, np.array([-9.0, 0.0, 0.0, 0.0]), np.zeros(2)) == 0.0
+    assert certified_time(pair, np.array([-9.0, 0.0, 0.0, 0.0]), np.zeros(2)) == 0.0
     assert f"no interval rule for the operation {name}" in pair.refused
 
 
 @pytest.mark.parametrize("h", [lambda s: ca.log(s) - 5.0, lambda s: ca.sqrt(s) - 5.0])
 def test_nothing_is_certified_where_h_may_not_be_a_number(h):
     pair = certificate(SingleIntegrator(1.0), [1.0], Along(h), (0.0, 0.0))
-    assert held(pair, np.array([3.0, 0.0, 0.0, 0.0]), np.zeros(2)) == MULTIPLES[0] * TAU
-    close = held(pair, np.array([0.04, 0.0, 0.0, 0.0]), np.zeros(2))
+    assert certified_time(pair, np.array([3.0, 0.0, 0.0, 0.0]), np.zeros(2)) == MULTIPLES[0] * TAU
+    close = certified_time(pair, np.array([0.04, 0.0, 0.0, 0.0]), np.zeros(2))
     assert close <= 0.04
 
 
@@ -186,7 +188,7 @@ class Along:
 def test_without_an_enclosure_nothing_is_certified():
     """Positions of which even the box is infinite."""
     pair = certificate(DoubleIntegrator(1e200, 1e200, 2), [1.0, 1.0])
-    assert held(pair, np.array([50.0, 0, 0, 0, 0, 0, 0, 0]), np.zeros(2)) == 0.0
+    assert certified_time(pair, np.array([50.0, 0, 0, 0, 0, 0, 0, 0]), np.zeros(2)) == 0.0
 
 
 class Exploding:
@@ -211,7 +213,7 @@ def test_nothing_is_certified_for_longer_than_there_is_a_state():
     """The other agent is far aside: no box that is computed comes near it."""
     pair = certificate(Exploding(), [1.0], bounds=(0.0, 0.0))
     x = np.array([10.0, 0.0, 10.0, 100.0])
-    assert held(pair, x, np.zeros(1)) < 0.1
+    assert certified_time(pair, x, np.zeros(1)) < 0.1
     members = [Member(name, Exploding(), False) for name in "ab"]
     alone = compose(members, [], Separation(1.0), 1.0).alone(0)
     bounds = [highest_within(alone, (0.0, 0.0), T) for T in (1e-3, 0.2)]
@@ -227,7 +229,7 @@ def test_nothing_is_certified_for_longer_than_there_is_a_state():
 def test_small_lengths_and_great_speeds_are_no_exception(dynamics, alphas, scale):
     pair = certificate(dynamics, alphas, Separation(scale), (0.0, 0.0))
     d = 1.5 * scale
-    time = held(pair, np.array([d, 0.0, 0.0, 0.0]), np.zeros(2))
+    time = certified_time(pair, np.array([d, 0.0, 0.0, 0.0]), np.zeros(2))
     assert d - time * dynamics.speed >= scale
 
 
@@ -267,17 +269,17 @@ def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng)
     """
     swarm = swarm_of_scenario(name)
     every = SwarmCertificates(swarm)
-    held, near_enough = [], 0
+    cases, near_enough = [], 0
     for i in [*swarm.normal, *swarm.normal[:2]]:
         agent, size = every.of(i), len(swarm.members[i].dynamics.inputs)
         x = 0.2 * swarm.start() + rng.uniform(-3, 3, swarm.safe_set.x.numel())
         near = rng.random(len(agent.pairs)) < (1.0 if i % 2 else 0.5)
-        held.append((agent, x, np.append(rng.uniform(-1, 1, size), np.zeros(3 - size)), near))
-    agents, x, u, near = zip(*held, strict=True)
+        cases.append((agent, x, np.append(rng.uniform(-1, 1, size), np.zeros(3 - size)), near))
+    agents, x, u, near = zip(*cases, strict=True)
     sides = [agent.every_side[some] for agent, some in zip(agents, near, strict=True)]
-    inputs = np.arange(len(held)).repeat([len(part) for part in sides])
+    inputs = np.arange(len(cases)).repeat([len(part) for part in sides])
     proven = every.proven(np.concatenate(sides), inputs, np.array(x), np.array(u))
-    for n, (agent, x, u, near) in enumerate(held):
+    for n, (agent, x, u, near) in enumerate(cases):
         times = agent(x, u, near)
         assert (times[near] == proven[inputs == n]).all()
         assert (times[~near] == agent.longest).all()
@@ -308,7 +310,7 @@ def test_obstacles_are_pairs_too():
     members = [Member("a", SingleIntegrator(1.0), False)]
     pair = compose(members, [Sphere((3.0, 0.0), 1.0)], Separation(1.0), 1.0).alone(0)
     certificate = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
-    time = held(certificate, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
+    time = certified_time(certificate, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
     assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
 
 
@@ -324,7 +326,7 @@ def test_one_is_certified_up_to_where_the_smooth_distance_is_the_clearance(obsta
     swarm = compose([Member("a", SingleIntegrator(1.0), False)], [obstacle], Separation(1.0), 1.0)
     certificate = pair_certificate(swarm.alone(0), 0, [Linear(1.0)], [0.3], TAU)
     x, u = np.array([[1.47, 0.3]]), np.array([1.0, 0.0])
-    time = held(certificate, x[0], u)
+    time = certified_time(certificate, x[0], u)
     assert time > 0.0
     assert obstacle.distances(x + 1.3 * time * u)[0] >= obstacle.clearance
     assert obstacle.distances(x + 1.25 * 1.3 * time * u)[0] < obstacle.clearance
@@ -337,7 +339,7 @@ def test_an_agent_does_not_reach_a_polygon_while_it_is_certified(seed):
     polygon = Polygon(((0.0, 0.0), (2.0, 0.5), (1.0, 2.0), (-0.5, 1.0)), 0.3)
     p, angle = rng.normal(1.0, 2.0, 2), rng.uniform(0.0, 2.0 * np.pi)
     u = np.array([np.cos(angle), np.sin(angle)]) / np.sqrt(2.0)
-    time = held(_beside(polygon), p, u)
+    time = certified_time(_beside(polygon), p, u)
     pushes = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2.0 * np.pi, 24)])
     ends = p + time * (u + 0.3 * pushes)
     assert time == 0.0 or polygon.distances(ends).min() >= polygon.clearance - 1e-9
@@ -372,8 +374,8 @@ class Railed(SingleIntegrator):
 
 def test_the_sign_of_a_sine_of_nought_proves_nothing():
     railed = certificate(Railed(1.0), [1.0], Port(), bounds=(0.0, 0.0))
-    assert held(railed, np.zeros(4), np.zeros(2)) == 0.0
-    assert held(railed, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(2)) == MULTIPLES[0] * TAU
+    assert certified_time(railed, np.zeros(4), np.zeros(2)) == 0.0
+    assert certified_time(railed, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(2)) == MULTIPLES[0] * TAU
 
 
 @pytest.mark.slow
@@ -382,4 +384,4 @@ def test_no_drag_is_too_strong_for_a_certificate_far_apart(drag):
     """τ is 1 s; 300 m apart, no two agents can meet."""
     far = certificate(DoubleIntegrator(2.0, drag, 2), [1.0, 1.0], bounds=(0.1, 0.1), tau=1.0)
     x = np.array([0.0, 0.0, 1.0, 0.0, 300.0, 0.0, -1.0, 0.0])
-    assert held(far, x, np.zeros(2)) == MULTIPLES[0]
+    assert certified_time(far, x, np.zeros(2)) == MULTIPLES[0]

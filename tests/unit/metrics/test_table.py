@@ -211,7 +211,7 @@ def test_the_page_has_every_metric_its_unit_and_its_meaning():
 finite = st.floats(-10.0, 10.0)
 
 
-def held(*values: float, nominal: float = 0.0) -> InputSeries:
+def inputs_of(*values: float, nominal: float = 0.0) -> InputSeries:
     """Return scalar inputs of half a second each."""
     u = np.array(values)[:, None]
     return InputSeries(np.full(len(u), 0.5), u, np.full_like(u, nominal))
@@ -240,17 +240,20 @@ def test_an_agent_has_arrived_once_it_stays():
 
 
 def test_energy_is_the_integral_of_the_square():
-    assert input_energy(held(2.0, 0.0, -4.0)) == pytest.approx(0.5 * (4.0 + 16.0))
+    assert input_energy(inputs_of(2.0, 0.0, -4.0)) == pytest.approx(0.5 * (4.0 + 16.0))
 
 
 @given(values=st.lists(finite, min_size=1, max_size=9), factor=finite)
 def test_energy_grows_with_the_square_of_the_input(values, factor):
-    once, scaled = input_energy(held(*values)), input_energy(held(*[factor * v for v in values]))
+    once, scaled = (
+        input_energy(inputs_of(*values)),
+        input_energy(inputs_of(*[factor * v for v in values])),
+    )
     assert scaled == pytest.approx(factor**2 * once, abs=1e-9)
 
 
 def test_a_deviation_is_a_mean_over_the_time_in_which_the_law_is_known():
-    inputs = held(2.0, 0.0, -4.0, nominal=1.0)
+    inputs = inputs_of(2.0, 0.0, -4.0, nominal=1.0)
     assert input_deviation(inputs) == pytest.approx((1.0 + 1.0 + 5.0) / 3)
     inputs.u_nom[2] = np.nan
     assert input_deviation(inputs) == pytest.approx(1.0)
@@ -260,5 +263,5 @@ def test_a_deviation_is_a_mean_over_the_time_in_which_the_law_is_known():
 
 @given(values=st.lists(finite, min_size=1, max_size=9))
 def test_an_input_that_is_the_laws_does_not_deviate(values):
-    inputs = held(*values)
+    inputs = inputs_of(*values)
     assert input_deviation(inputs._replace(u_nom=inputs.u)) == 0.0

@@ -78,9 +78,9 @@ def test_a_queue_takes_what_comes_exactly_while_it_holds_less_than_its_limit(lim
     through, t_sent = list[float](), 0.0
     for k, pause in enumerate(np.random.default_rng(1).uniform(0.0, 0.03, 500)):
         t_sent += pause
-        held = sum(t > t_sent for t in through)
+        count = sum(t > t_sent for t in through)
         delay = link.fate(k, sent=t_sent).delay
-        assert (delay is not None) == (held < limit)
+        assert (delay is not None) == (count < limit)
         if delay is not None:
             through.append(t_sent + delay)
 
@@ -110,12 +110,12 @@ def test_a_partition_loses_what_is_sent_in_its_time():
 
 
 def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
-    held = LinkModel((*model(delay=0.05).stages, Stage("faults.0", Hold(0.2, 0.5), 0)))
-    link = Link(0, "a", "b", held)
+    rule = LinkModel((*model(delay=0.05).stages, Stage("faults.0", Hold(0.2, 0.5), 0)))
+    link = Link(0, "a", "b", rule)
     arrivals = [k / 100 + link.fate(k, sent=k / 100).delay for k in range(100)]
     expected = [t + 0.05 for t in np.arange(100) / 100]
     assert arrivals == pytest.approx([0.5 if 0.2 <= t < 0.5 else t for t in expected])
-    inbox = inbox_of(held, count=60)
+    inbox = inbox_of(rule, count=60)
     inbox.advance({0: (0, 48)}, 0.499)
     assert inbox.received[0].u[0] == 14
     inbox.advance({0: (0, 49)}, 0.5)

@@ -50,10 +50,10 @@ def test_knowledge_is_held_or_it_is_named_why_not_and_the_same_when_judged_again
     changes, why = BROKEN[case]
     scenario = phalanx.load("radio", {**TWO, "faults": [], **changes})
     run = phalanx.run(scenario, engine="in-process", out=tmp_path)
-    (held,) = [a for a in run.summary.theorem if a.name == "knowledge held"]
-    assert held.checked > 40
-    assert bool(held.failed) == (why is not None)
-    assert why is None or f"not so {why} (" in held.note
+    (assumption,) = [a for a in run.summary.theorem if a.name == "knowledge held"]
+    assert assumption.checked > 40
+    assert bool(assumption.failed) == (why is not None)
+    assert why is None or f"not so {why} (" in assumption.note
     assert run.judge_again().theorem == run.summary.theorem
 
 

@@ -120,14 +120,14 @@ def sent_to_the_formation(far_away: int) -> dict[tuple[int, int], object]:
     starts = [[-500.0, 9.0 * n, 0.0] for n in range(far_away)]
     of_others = {"agents.1.names": names, "agents.1.slots": [], "agents.1.start": starts}
     table = {"duration": 0.3, "safety.neighbourhood": 9.0, **of_others}
-    run, sent = Simulation(build_rows(build_swarm(load("unicycles", table)))), {}
+    run, samples = Simulation(build_rows(build_swarm(load("unicycles", table)))), {}
     answer = run.agents.send_sample
 
     def send_sample(i: int, sample: Sample) -> None:
         if i < 3:
-            sent[i, sample.k] = replace(sample, x=bytes(len(sample.x)))
+            samples[i, sample.k] = replace(sample, x=bytes(len(sample.x)))
         answer(i, sample)
 
     run.agents.send_sample = send_sample
     run.run()
-    return sent
+    return samples

@@ -11,7 +11,7 @@ from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
 SHARES = np.linspace(0.0, 1.0, 201)
 
 
-def drawn(rng: np.random.Generator, count: int, axes: int) -> Capsules:
+def random_capsules(rng: np.random.Generator, count: int, axes: int) -> Capsules:
     begin = rng.uniform(-3.0, 3.0, (count, axes))
     # Points, short ones, and some along one line.
     end = begin + rng.choice([0.0, 1e-9, 1.0], (count, 1)) * rng.normal(size=(count, axes))
@@ -27,7 +27,7 @@ def points(capsules: Capsules, k: int) -> np.ndarray:
 @given(seed=st.integers(0, 10**6), axes=st.sampled_from([2, 3]))
 def test_a_gap_is_the_least_distance_of_all_points(seed, axes):
     rng = np.random.default_rng(seed)
-    capsules, others = drawn(rng, 3, axes), drawn(rng, 2, axes)
+    capsules, others = random_capsules(rng, 3, axes), random_capsules(rng, 2, axes)
     for l, gap in enumerate(capsules.gaps(others)):
         apart = min(
             np.linalg.norm(points(capsules, k)[:, None] - points(others, l)[None], axis=2).min()
@@ -63,7 +63,7 @@ OBSTACLES = [
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), obstacle=st.sampled_from(OBSTACLES))
 def test_no_point_is_nearer_to_an_obstacle_than_a_gap_says(seed, obstacle):
-    capsules = drawn(np.random.default_rng(seed), 2, 2)
+    capsules = random_capsules(np.random.default_rng(seed), 2, 2)
     least = min(
         (obstacle.distances(points(capsules, k)) - capsules.radius[k]).min() for k in range(2)
     )

@@ -37,7 +37,7 @@ def nearest(x, u, flight, chaser, push, gaps, fly=FLIGHTS.input) -> float:
     return least
 
 
-def drawn(rng):
+def random_case(rng):
     """A state, an input, a way out, and a chaser anywhere, as slow as a wall or not."""
     x = np.array([*rng.uniform(-1.0, 1.0, 2), rng.uniform(-pi, pi)])
     u = np.array([rng.uniform(-4.0, 4.0), rng.uniform(-2.0, 2.0)])
@@ -56,7 +56,7 @@ def pushes(rng):
 def excess(flights: Flights, seed: int, gaps=None) -> float:
     """Distance by which a chaser comes nearer than was counted [m]."""
     rng = np.random.default_rng(seed)
-    x, u, flight, chaser = drawn(rng)
+    x, u, flight, chaser = random_case(rng)
     gaps = gaps or (lambda: rng.uniform(SHORTEST, LONGEST))
     return float(
         flights.gaps(x, u, flight, chaser)[0] - nearest(x, u, flight, chaser, pushes(rng), gaps)

@@ -59,9 +59,9 @@ def test_a_broadcast_is_sent_when_its_input_takes_effect() -> None:
     changes = {"duration": 0.2, "time.latency": 0.005, "network.delay": 0.004}
     recording = phalanx.run(phalanx.load("unicycles", changes), engine="in-process").recording
     step_times = {i: [s.t for s in recording.steps if s.agent == str(i + 1)] for i in range(5)}
-    sent = broadcasts(recording)
-    assert {FATES[b.fate] for b in sent} == {IN_TIME, LATE}
-    for b in sent:
+    messages = broadcasts(recording)
+    assert {FATES[b.fate] for b in messages} == {IN_TIME, LATE}
+    for b in messages:
         assert any(t + 0.005 == b.sent for t in step_times[b.sender])
         between = [t for t in step_times[b.receiver] if b.sent < t < b.arrival]
         assert (FATES[b.fate] == LATE) == bool(between)

@@ -7,7 +7,7 @@ from phalanx_viewer.scene.nodes import linear
 from phalanx_viewer.scene.texts import LETTER, place_texts, text_places
 
 
-def placed(at: list[list[float]], letters: list[int]) -> list[int]:
+def labels_shown(at: list[list[float]], letters: list[int]) -> list[int]:
     """Texts that are shown, each with a single place."""
     return [text for text, _ in place_texts([np.array([place]) for place in at], letters)]
 
@@ -26,13 +26,13 @@ def test_a_text_covers_a_body_only_if_it_has_no_position_without() -> None:
 
 def test_a_long_text_needs_more_room_to_its_sides_but_not_above() -> None:
     right, above = [[0.0, 0.0], [0.1, 0.0]], [[0.0, 0.0], [0.0, 0.1]]
-    assert placed(right, [1, 1]) == [0, 1]
-    assert placed(right, [20, 1]) == [0]
-    assert placed(above, [20, 20]) == [0, 1]
+    assert labels_shown(right, [1, 1]) == [0, 1]
+    assert labels_shown(right, [20, 1]) == [0]
+    assert labels_shown(above, [20, 20]) == [0, 1]
 
 
 def test_of_two_texts_in_one_place_the_first_stays_and_the_other_takes_no_room() -> None:
-    assert placed([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]], [1, 1, 1]) == [0, 2]
+    assert labels_shown([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]], [1, 1, 1]) == [0, 2]
 
 
 @pytest.mark.parametrize(("high", "below"), [(3.0, True), (0.0, True), (-3.5, False)])

@@ -27,11 +27,11 @@ CASES = {"unicycle": Unicycle(4.0, 2.0), "dynamic unicycle": DynamicUnicycle(2.0
 
 
 @cache
-def compiled(dynamics, held, proven=False):
+def compiled(dynamics, constant_input, proven=False):
     member = Member("a", dynamics, False)
     x, T = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("T")
     with outwards() if proven else nullcontext():
-        inputs = None if held else admissible_inputs(member)
+        inputs = None if constant_input else admissible_inputs(member)
         e = enclose(member, x, inputs, PHI, T, INFLATIONS)
     ends = [ca.vertcat(*side) for side in zip(*e.states, strict=True)]
     box = CompiledFunction([x, e.u, T], [*ends, e.certain])
@@ -39,12 +39,12 @@ def compiled(dynamics, held, proven=False):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("constant_input", [True, False])
 @pytest.mark.parametrize("name", CASES)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
-def test_no_state_leaves_the_box(name, held, seed):
-    rng, (box, rate) = np.random.default_rng(seed), compiled(CASES[name], held)
+def test_no_state_leaves_the_box(name, constant_input, seed):
+    rng, (box, rate) = np.random.default_rng(seed), compiled(CASES[name], constant_input)
     x, T, steps = rng.uniform(-3, 3, len(CASES[name].states)), 0.1, 200
     corners = admissible_corners(Member("a", CASES[name], False))
     u = corners[rng.integers(len(corners))]
@@ -55,7 +55,7 @@ def test_no_state_leaves_the_box(name, held, seed):
         assert (low - 1e-9 <= x).all()
         assert (x <= high + 1e-9).all()
         x = x + T / steps * rate(x, u, way)[0]
-        u = u if held else corners[rng.integers(len(corners))]
+        u = u if constant_input else corners[rng.integers(len(corners))]
 
 
 @dataclass(frozen=True)
