@@ -47,7 +47,16 @@ def test_a_scripted_input_at_a_face_of_u_is_in_u(speed, number):
         group["dynamics"] = {**group["dynamics"], "speed": speed}
     space = space_of(table)
     scenario = load(space.table, space.overrides(Point((number,) * space.numbers, ())))
-    assert scenario.agents[-1].law["inputs"]
+    (u,) = scenario.agents[-1].law["inputs"]
+    assert number != 0.3 or [float(f"{value:.3g}") for value in u] == u, "inside of U it is short"
+
+
+def test_a_choice_takes_each_of_its_values_and_one_value_needs_no_knob():
+    choices = {"duration": [2.0], "safety.eta": [0.1, 0.2], "safety.rho": [1.0, 2.0, 3.0]}
+    space = space_of(guaranteed(vary={path: {"choice": of} for path, of in choices.items()}))
+    assert (space.numbers, space.choices) == (0, (2, 3))
+    chosen = space.overrides(Point((), (1, 2)))
+    assert chosen == {"duration": 2.0, "safety.eta": 0.2, "safety.rho": 3.0}
 
 
 def test_agents_that_get_a_group_of_their_own_keep_slot_and_run():
@@ -95,6 +104,15 @@ def test_a_fault_is_one_of_all_that_its_numbers_can_choose():
         lies.add((fault.says, fault.equivocate, fault.replay, fault.silent))
     assert len(lies) == 5
     assert space.overrides(Point((0.5, 1.0, 0.5), (0, 0))) == {}
+
+
+def test_a_sensor_is_off_by_at_most_a_metre_to_either_side():
+    space = space_of(guaranteed(faults={"most": 1, "kinds": ["sensor"]}))
+    off = []
+    for strength in (0.0, 0.5, 1.0):
+        (fault,) = space.overrides(Point((0.5, 1.0, strength), (1, 0)))["faults"]
+        off += fault["bias"].values()
+    assert off == [-1.0, 0.0, 1.0]
 
 
 def test_within_changes_nothing_that_voids_a_guarantee():

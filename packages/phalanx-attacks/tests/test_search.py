@@ -3,6 +3,7 @@
 import itertools
 import signal
 from concurrent.futures import Executor, Future
+from pathlib import Path
 
 import pytest
 from phalanx_attacks import optimisers, runner
@@ -262,7 +263,8 @@ def test_an_inadmissible_start_costs_without_a_run(tmp_path):
     path = tmp_path / "close.toml"
     path.write_text(scenario_text(table))
     options = {"budget": 2, "optimiser": "random", "batch": 5}
-    attacked = searched(str(path), tmp_path / "out", **options)
+    attacked = searched(str(path), tmp_path / "out", preset="beyond", **options)
+    assert '"clock"' in " ".join(map(Path.read_text, (tmp_path / "out").glob("*.toml")))
     (history,) = attacked.histories
     assert history.finds == []
     assert history.refused == 20

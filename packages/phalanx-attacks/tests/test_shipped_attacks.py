@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from phalanx_attacks.minimise import _sides, differences, smallest, stated
+from phalanx_attacks.minimise import _left_out, _sides, differences, smallest, stated
 from phalanx_attacks.robustness import nearest
 
 from phalanx.cli.app import status
@@ -76,6 +76,7 @@ def test_an_attack_is_shrunk_into_a_file_that_states_its_run(tmp_path: Path, cap
     assert "adversary 2" in text
     assert nearest(build_swarm(load(small)))[0] >= 1.8, "it was 1.826 m"
     assert f"Run it: phalanx run {small}" in text
+    assert re.search(r"^# Certificates proved it until \d\.\d{3} s\.$", text, re.MULTILINE)
     promise = promised(build_swarm(load(small))).time
     stated_promise = float(re.search(r"promises safety for (\d+\.\d+) s", text)[1])
     assert promise - 1e-3 < stated_promise <= promise
@@ -90,6 +91,15 @@ def test_a_violations_two_sides_are_those_of_its_own_pair() -> None:
         sides = _sides(swarm, Violation(pair, 0.0, 0.1, 0.0, 0.1, 1, 0.0, None))
         assert [side.role for side in sides] == roles
         assert "-".join(side.label for side in sides) == pair
+
+
+def test_what_an_attack_has_no_more_is_said_in_words() -> None:
+    origin = {"name": "a", "duration": 1.0, "obstacles": [], "agents": [
+        {"names": ["1", "2"], "role": "normal"}, {"names": ["3"], "spread": [], "role": "normal"},
+    ]}  # fmt: skip
+    shrunk = {"name": "a", "duration": 1.0, "agents": [{"names": ["2"], "role": "normal"}]}
+    assert _left_out(shrunk, origin) == ["agent 1", "agent 3", "obstacles", "spread of agents"]
+    assert _left_out(origin, origin) == []
 
 
 def test_what_is_not_violated_is_not_shrunk() -> None:
