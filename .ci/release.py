@@ -2,10 +2,13 @@
 
 python .ci/release.py 0.4.0            # then look at the change, commit it, and tag it v0.4.0
 python .ci/release.py --check v0.4.0   # whether a tag is the version of this folder
+
+The day of the release is today.
 """
 
 import argparse
 import re
+from datetime import date
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,7 +45,12 @@ def write(root: Path, version: str) -> None:
             file.write_text(re.sub(pattern, version, text, flags=re.MULTILINE), "utf-8")
     log = root / "CHANGELOG.md"
     text = log.read_text("utf-8")
-    log.write_text(text.replace(UNRELEASED, f"{UNRELEASED}\n## [{version}]\n", 1), "utf-8")
+    today = date.today().isoformat()
+    heading = f"{UNRELEASED}\n## [{version}] - {today}\n"
+    log.write_text(text.replace(UNRELEASED, heading, 1), "utf-8")
+    citation = root / "CITATION.cff"
+    dated = re.sub(r"(?m)(?<=^date-released: ).*", today, citation.read_text("utf-8"))
+    citation.write_text(dated, "utf-8")
 
 
 def main() -> int:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from phalanx.scenario.load import load, shipped
     from phalanx.scenario.model import Scenario, ScenarioError
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 __all__ = [  # noqa: RUF022 - in the order of the documentation
     "load",

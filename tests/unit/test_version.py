@@ -4,6 +4,7 @@ import re
 import runpy
 import shutil
 import tomllib
+from datetime import date
 from pathlib import Path
 
 import yaml
@@ -37,9 +38,11 @@ def test_a_release_is_written_everywhere_and_what_was_unreleased_is_its(tmp_path
     RELEASE["write"](tmp_path, "12.3.45")
     assert RELEASE["versions"](tmp_path) == {file: {"12.3.45"} for file in FILES}
     after = (tmp_path / "CHANGELOG.md").read_text("utf-8")
-    assert after.replace("\n## [12.3.45]\n", "", 1) == before
-    assert re.search(r"## \[Unreleased\]\s+## \[12.3.45\]\n\n\S", after)
-    assert yaml.safe_load((tmp_path / "CITATION.cff").read_text())["version"] == "12.3.45"
+    today = date.today()
+    assert after.replace(f"\n## [12.3.45] - {today}\n", "", 1) == before
+    assert re.search(r"## \[Unreleased\]\s+## \[12.3.45\][- \d]+\n\n\S", after)
+    citation = yaml.safe_load((tmp_path / "CITATION.cff").read_text())
+    assert (citation["version"], citation["date-released"]) == ("12.3.45", today)
 
 
 def test_a_tag_is_published_only_if_it_is_the_version_and_all_tests_pass():
