@@ -29,7 +29,7 @@ class OnboardLinks:
         self._actuators = _links(swarm, "actuation")
         self._end = swarm.scenario.duration
 
-    def brings_sample(self, i: int, tick: int, t: float, now: float = 0.0) -> bool:
+    def brings_sample(self, i: int, tick: int, t: float, now: float) -> bool:
         """Return whether agent i's sample at this tick of its clock, at t [s], arrives.
 
         now: when this is decided [s].
@@ -39,7 +39,7 @@ class OnboardLinks:
         """
         return t >= self._end or self._delay(self._sensors[i], tick, t, now) == 0.0
 
-    def input_delay(self, i: int, k: int, t: float, now: float = 0.0) -> float | None:
+    def input_delay(self, i: int, k: int, t: float, now: float) -> float | None:
         """Delay after t [s] of the input for agent i's sample k; None if it is lost.
 
         now: when this is decided [s].

@@ -81,7 +81,11 @@ def test_what_is_refused_before_it_begins_shows_no_bar(screen):
 def test_a_summary_names_all_that_failed_was_unsafe_or_never_happened(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
     faults = [FaultCount("network.loss", n) for n in (0, 1, 2)]
-    summary = msgspec.structs.replace(summary_of(phalanx.load("unicycles")), faults=faults)
+    summary = summary_of(phalanx.load("unicycles"))
+    (unsafe,) = summary.violations
+    turned = [msgspec.structs.replace(unsafe, pair=pair) for pair in ("2-4", "2-5")]
+    others = {"excluded": turned, "rejected": {"out of order": 3, "bad seal": 1}}
+    summary = msgspec.structs.replace(summary, faults=faults, **others)
     display.print_summary(summary, {"task": "arrived", "waiting": ""})
     rows = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     for row in (
@@ -89,6 +93,10 @@ def test_a_summary_names_all_that_failed_was_unsafe_or_never_happened(capsys, mo
         "certificates failed 3 of 120",
         "of the theorem: non-empty K_i failed 24 of 120",
         "violated 1-4: h up to 0.25 at t = 0.300 s, 0.150 s from t = 0.200 s to 0.350 s",
+        "turned, not counted 2-4: h up to 0.25, 0.150 s from t = 0.200 s to 0.350 s",
+        "turned, not counted 2-5: h up to 0.25, 0.150 s from t = 0.200 s to 0.350 s",
+        "payloads dropped 3 out of order",
+        "payloads dropped 1 bad seal",
         "fault: network.loss never had an effect",
         "fault: network.loss once",
         "fault: network.loss 2 times",

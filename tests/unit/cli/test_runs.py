@@ -62,6 +62,11 @@ def test_what_was_cut_short_is_compared_up_to_its_end_and_the_reason_is_said(tmp
     why, result = capsys.readouterr().out.splitlines()
     assert why.endswith("by Ctrl-C; comparing up to its end")
     assert result == "bit-identical: 4 steps and 3 states"
+    whole.recording.steps[1].residual += 1.0
+    (tmp_path / "other").mkdir()
+    record(tmp_path / "other", whole.scenario, records, stopped)
+    assert status(["verify", str(tmp_path / "other"), "--engine", "in-process"]) == 1
+    assert "residual" in capsys.readouterr().out
 
 
 def printed(scenario: str, out: Path, capsys: pytest.CaptureFixture[str], *sets: str) -> str:

@@ -167,10 +167,24 @@ def test_decisions_in_real_time_are_made_again_from_what_was_shown(tmp_path):
 
 
 @pytest.mark.slow
+def test_relayed_states_that_are_false_or_that_nobody_stated_are_not_decided_again(tmp_path):
+    lie = {"kind": "lie", "agent": "2", "at": 0.0, "for": 1.0, "shift": [1.0, 0.0, 0.0, 0.0]}
+    for faults, why in (([lie], "no false states"), ([], "agent 2 never stated")):
+        scenario = load("radio", {"duration": 0.06, "faults": faults})
+        (folder := tmp_path / str(len(faults))).mkdir()
+        execute(scenario, folder, RunOptions("in-process"))
+        recorded = read(folder)
+        x = [*recorded.states[0].x[:4]]
+        shown = [StepData("1", 0, 0.0, ["1"], x, [("2", 0.0, [0.0, 0.0])])]
+        with pytest.raises(EngineError, match=why):
+            verify(replace(recorded, step_data=shown))
+
+
+@pytest.mark.slow
 def test_a_run_is_the_same_again_and_another_with_another_seed(tmp_path):
     changed = ["duration=0.05", "agents.0.clock.jitter=0.002"]
     execute(load("one-on-one", changed), tmp_path, RunOptions("in-process"))
     recorded = read(tmp_path)
-    assert verify(recorded, engine="in-process")
+    assert verify(tmp_path, engine="in-process")
     other = recorded.scenario.model_copy(update={"seed": 1})
     assert not verify(replace(recorded, scenario=other), engine="in-process")

@@ -1,5 +1,6 @@
 """Live commands: sealed with the command secret, once, and only possible ones."""
 
+import msgspec
 import numpy as np
 import pytest
 from phalanx_plant.clock.commands import CommandQueue, Pace, declared
@@ -119,6 +120,17 @@ def test_speed_0_is_refused_in_words_in_real_time_alone(real_time, expected):
     assert [command.kind for command in queue.due(0.0)] == expected
     assert queue.pace.speed == float(real_time)
     assert queue.refusals.counts == ({"command: speed 0 in real time": 1} if real_time else {})
+
+
+def test_in_real_time_commands_are_due_now_and_none_passes_for_a_declared_fault():
+    queue = CommandQueue(CommandPolicy(secret=SECRET, speed=1.0, real_time=True), ("1", "2"))
+    of_agent = [CommandKind.TURN, CommandKind.THAW, CommandKind.KILL]
+    of_all = [LOSS.kind, CommandKind.DELAY, CommandKind.STEP, CommandKind.PAUSE]
+    sent = [Command(0.0, kind, "2") for kind in of_agent] + [Command(0.0, k, "") for k in of_all]
+    for number, command in enumerate(sent, 1):
+        put(queue, number, msgspec.structs.replace(command, fault=5))
+    assert queue.due(0.25) == [msgspec.structs.replace(c, t=0.25) for c in sent]
+    assert not queue.refusals.counts
 
 
 def test_declared_faults_come_before_other_commands_of_their_time_and_added_ones_after():

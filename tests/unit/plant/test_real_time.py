@@ -50,7 +50,7 @@ class OnTheWall:
         if self._coming[i] > self.wall:
             return None
         del self._coming[i]
-        return np.zeros(2)
+        return np.array([0.1, 0.0])
 
     def take_changes(self) -> list[tuple[int, bool, str]]:
         due = [c for c in self.changes if c[0] <= self.wall - 100.0]
@@ -95,6 +95,9 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_inputs_that_are_there_in_time_take_effect_when_they_are_due(run) -> None:
     summary, recording = run(OnTheWall(lambda i, k: 0.002))
     assert all(step.t_apply == step.t + LATENCY for step in recording.steps)
+    first, last = min(step.t_apply for step in recording.steps), recording.states[-1]
+    moved = last.x[0] - recording.states[0].x[0]
+    assert moved == pytest.approx(0.1 * (last.t - first), abs=0.1 * PERIOD + 1e-3)
     punctuality = summary.punctuality
     assert (punctuality.missed, punctuality.late, punctuality.unanswered) == (0, 0, 0)
     assert punctuality.samples >= 2 * 0.2 / PERIOD
