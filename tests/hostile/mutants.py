@@ -57,6 +57,7 @@ _EXIT, _COMMITTED = "phalanx/promise/exit.py", "phalanx/swarm/committed.py"
 _LEDGER, _TEST_PROMISE = f"{_PLANT}/judge/promise.py", "tests/unit/promise"
 _TEST_RULE, _TEST_RUNS = f"{_TEST_PROMISE}/test_rule.py", f"{_TEST_PROMISE}/test_runs.py"
 _TEST_EXIT = f"{_TEST_PROMISE}/test_exit.py"
+_TEST_LEDGER = "tests/unit/plant/test_promise_ledger.py"
 _KNOWLEDGE, _TEST_KNOWLEDGE = "phalanx/knowledge", "tests/unit/knowledge"
 
 MUTANTS = (
@@ -167,8 +168,6 @@ MUTANTS = (
            "groups[pairs], ", "", _TEST_BOXES),
     Mutant("an h_tot that is no number", _JUDGE, "np.logical_and.reduce(finite)",
            "np.logical_or.reduce(finite)", _TEST_JUDGE),
-    Mutant("the least certificate is not the first that ended", _COVERAGE,
-           "pair = min(zip(", "pair = max(zip(", _TEST_JUDGE),
     Mutant("certificates of pairs set apart", _COVERAGE,
            "np.where(self._excluded[pairs], np.inf, spans[1][some])", "spans[1][some]",
            _TEST_JUDGE),
@@ -380,9 +379,9 @@ MUTANTS = (
     Mutant("the speed at rest in the moving frame", _COMMITTED,
            "v - self._speed", "v", _TEST_EXIT),
     Mutant("a promise in spite of an unsafe pair", _LEDGER,
-           "self._hit_at_rest(sides, excursion)", "True", _TEST_RUNS),
+           "self._hit_at_rest(sides, excursion)", "True", _TEST_LEDGER),
     Mutant("a promise for ever with one that turned", _LEDGER,
-           "self._for_ever & whole", "self._for_ever", _TEST_RUNS),
+           "self._for_ever & whole", "self._for_ever", _TEST_LEDGER),
     Mutant("the defect of integration", _COMMITTED,
            "agent_point(swarm, i, DEFECT), exit", "agent_point(swarm, i), exit", _TEST_RUNS),
 )  # fmt: skip

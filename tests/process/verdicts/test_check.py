@@ -38,24 +38,6 @@ def test_certificates_allow_a_guarantee_where_the_papers_theorem_proves_nothing(
     assert not any("No guarantee" in word for word in paper.words)
 
 
-def test_who_is_chased_too_closely_to_be_certified_until_its_next_sample_is_named():
-    """The other, at 5 m/s, gains at least 4 m/s · 10 ms on one that flees at 1 m/s."""
-    fast = "agents.1.dynamics.speed=5.0"
-    near, far = (checked("one-on-one", fast, f"agents.1.start=[[0.0, {y}]]") for y in (-1.02, -1.2))
-    assert far.may_be_guaranteed
-    assert near.certified.safe
-    assert not near.may_be_guaranteed
-    assert near.certified.agents == {"1": False}
-    assert any("No guarantee: at the start 1 has no input" in word for word in near.words)
-
-
-def test_with_latency_zero_has_to_be_certified_until_the_first_input_takes_effect():
-    chased = "agents.1.start=[[0.0, -1.02]]", "agents.1.dynamics.speed=5.0"
-    short, long = (checked("one-on-one", *chased, f"time.latency={s}") for s in (0.002, 0.009))
-    assert short.may_be_guaranteed
-    assert not long.may_be_guaranteed
-
-
 @pytest.mark.parametrize("information", ["paper", "in-flight", "worst-case"])
 def test_a_liar_is_named_where_rows_use_its_claims(information: str):
     lie = 'faults=[{ kind = "lie", agent = "2", for = 1.0, says = "zero" }]'

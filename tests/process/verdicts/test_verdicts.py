@@ -96,27 +96,6 @@ def test_with_a_distance_in_metres_a_proof_is_to_be_had(name, duration, seed):
     assert failed(summary) == {}
 
 
-@pytest.mark.parametrize(
-    ("override", "why"),
-    [("safety.neighbourhood=5.0", "neighbourhood"), ("time.latency=0.001", "latency")],
-)
-def test_without_its_proof_the_theorem_says_nothing_of_the_same_run(override, why):
-    summary = run("guaranteed", "duration=0.05", "safety.margin=local", override)
-    margin = next(a for a in summary.theorem if a.name == "proven margin")
-    assert margin.failed == 1
-    assert why in margin.note
-
-
-def test_a_frozen_agent_is_covered_no_longer_than_its_last_certificate():
-    scenario = phalanx.load("guaranteed", {"duration": 2.0})
-    freeze = phalanx.Command(0.5, phalanx.CommandKind.FREEZE, "1")
-    policy = phalanx.CommandPolicy(schedule=(freeze,))
-    summary = phalanx.run(scenario, engine="in-process", commands=policy).summary
-    assert summary.outcome is not Outcome.GUARANTEED
-    assert summary.certificates.uncovered_at > 0.5
-    assert "1" in summary.certificates.uncovered.split("-")
-
-
 def turned(
     at: float,
     obstacle: list[float],

@@ -1,4 +1,4 @@
-"""What a check promises of each pair, and what it says is short of a promise."""
+"""Promises of a check, pair by pair, and what it says is short of one."""
 
 import numpy as np
 import pytest

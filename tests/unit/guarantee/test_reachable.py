@@ -143,7 +143,7 @@ def test_who_has_no_box_at_all_may_be_met_anywhere_in_a_swarm_of_one_group_too()
     assert met(boxes, 0, np.array([1]), 0.0, swarm.start()).tolist() == [True]
 
 
-def test_a_certificate_counts_on_what_integration_may_be_off_beside_the_disturbance():
+def test_a_certificate_counts_on_what_integration_may_be_off_too():
     certificates = SwarmCertificates(three_on_a_line_and_a_sphere())
     pair = certificates.pairs.alone(0, 2)
     assert certificates.bounds(pair) == [DEFECT, PUSHED + DEFECT]

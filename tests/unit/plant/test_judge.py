@@ -497,7 +497,9 @@ def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant(
 
 @pytest.mark.slow
 def test_a_given_margin_is_never_called_proven():
-    assert assumption(judge_of(), "proven margin").failed == 1
+    margin = assumption(judge_of(), "proven margin")
+    assert margin.failed == 1
+    assert "η is a given number" in margin.note
 
 
 @pytest.mark.slow

@@ -11,19 +11,7 @@ from phalanx.guarantee.verdict import BrokenPromise, Violation
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.plant.runs import report
-from tests.unit.promise.test_runs import scenario
-
-SLOW = {"type": "double-integrator", "acceleration": 3.0, "dimension": 2}
-DOUBLE = {
-    "agents__0__dynamics": SLOW,
-    "agents__0__law": {"type": "track", "gains": [1.0, 2.0]},
-    "agents__0__start": [[-2.5, 0.0, 0.0, 0.0], [2.5, 0.125, 0.0, 0.0]],
-    "agents__1__dynamics": SLOW,
-    "agents__1__start": [[0.0, 8.0, 0.0, 0.0]],
-    "agents__1__law": {"type": "chase", "gains": [1.0, 2.0]},
-    "safety__alpha": [2.0, 2.0],
-}
-"""Two whose fallback counts on the shortest gap too: 0.05 ± 0.02 s."""
+from tests.unit.promise.test_runs import DOUBLE, scenario
 
 
 def ledger(**changes) -> PromiseLedger:
@@ -49,18 +37,20 @@ def test_a_sample_that_comes_early_or_late_breaks_what_its_agent_keeps(changes, 
     assert broken(promises, 0.25) == ([early, late] if counts else [late, silent])
 
 
-def test_of_an_agent_that_turned_nothing_is_checked():
+def test_of_an_adversary_and_of_one_that_turned_nothing_is_checked():
     promises = ledger()
     promises.turned(1, 0.03)
     promises.turned(1, 0.04)
     promises.disturbed(DisturbanceKnot(0.05, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])))
     promises.applied(InputApplied(1, 0, 0.05, 0.5, np.ones(2)), np.zeros(7), truthful=True)
+    promises.applied(InputApplied(2, 0, 0.05, 0.5, np.ones(2)), np.zeros(7), truthful=True)
     promises.lost(1, 0.05)
     summary = promises.summary(0.07, [])
     assert str(summary) == (
         "kept for 3 of 3 pairs (1 for ever, 2 passively); turned, and promised nothing since: "
         "b at 0.030 s"
     )
+    assert broken(promises, 0.08) == [BrokenPromise("a", 0.07, "a sample came late")]
 
 
 @pytest.mark.parametrize(

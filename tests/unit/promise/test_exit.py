@@ -104,7 +104,7 @@ def test_a_slower_pursuer_never_hits_and_the_promise_is_for_ever():
     assert summary.origins["fallback"] > 20
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_double_integrators_with_drag_leave_too():
     drag = {"type": "double-integrator", "acceleration": 4.0, "drag": 1.0, "dimension": 2}
     slower = {"type": "double-integrator", "acceleration": 0.8, "drag": 1.0, "dimension": 2}
