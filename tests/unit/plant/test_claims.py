@@ -49,9 +49,9 @@ class Told(Claims):
         x = TrueStates(self._x[None], nowhere, nowhere)
         return self.add(columns.inputs, x, columns.stated)
 
-    def heard_false(self, receiver: int, t_apply: float) -> bool:
-        """Return whether an agent was misled by agent 2."""
-        columns = np.array([receiver]), np.array([1]), np.array([t_apply]), np.array([1000])
+    def heard_false(self, receiver: int, t_apply: float, by: int = 1000) -> bool:
+        """Return whether an agent was misled by agent 2, as known by an event's number."""
+        columns = np.array([receiver]), np.array([1]), np.array([t_apply]), np.array([by])
         return bool(self.misled(*columns)[0])
 
 
@@ -136,3 +136,4 @@ def test_who_heard_a_false_claim_was_misled_from_the_time_that_it_names():
     assert [checked.heard_false(i, 0.04 - (0.04 - LIE.t_apply)) for i in (0, 2)] == [True, False]
     assert all(checked.heard_false(0, LIE.t_apply + off) for off in (-1e-9, 1e-9))
     assert not checked.heard_false(0, LIE.t_apply - 0.01)
+    assert [checked.heard_false(0, LIE.t_apply, by) for by in (0, 1)] == [False, True]
