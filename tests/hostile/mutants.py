@@ -149,7 +149,7 @@ MUTANTS = (
            "os.O_EXCL, 0o644", "packages/phalanx-hosts/tests/test_authority.py"),
     Mutant("an agent's identity for a hub", "packages/phalanx-hosts/phalanx_hosts/authority.py",
            "hub_hosts if name in HUBS else ()", "hub_hosts",
-           "tests/process/hostile/test_identities.py -k play_the_hub"),
+           "packages/phalanx-hosts/tests/test_identities.py -k play_the_hub"),
     Mutant("near pairs for three times the slack", _PAIRS, "<= self._room * self._room",
            "<= 9.0 * self._room * self._room", _TEST_PAIRS),
     Mutant("near pairs by the highest level of several states", _PAIRS, "self._least(h).min():",
