@@ -56,7 +56,7 @@ def _results(simulation: Simulation, records: RecordsInMemory) -> Run:
 
 
 def differences(made: Run, wanted: Run) -> Iterator[str]:
-    """What two runs do not share, to the bit: parts of the verdict, and records."""
+    """The parts in which two runs differ by a bit: verdicts and records."""
     for field, value in wanted[0].items():
         if repr(made[0][field]) != repr(value):
             yield f"{field}: {made[0][field]}, in process {value}"
@@ -69,7 +69,7 @@ def differences(made: Run, wanted: Run) -> Iterator[str]:
 
 
 def compare(seeds: Sequence[int]) -> Iterator[tuple[str, int]]:
-    """How the two runs of each seed of a family compare, in words, and their control steps."""
+    """A comparison of the two runs of each seed of a family, in words, and their control steps."""
     scenarios, made = list[Scenario](), list[Run | str]()
     for seed in seeds:
         try:

@@ -40,9 +40,9 @@ def pair_tables(rows: SafetyRows, kernels: Kernels) -> dict[str, Any]:
     others, half, whole, indices = list[int](), list[int](), list[int](), list[Array]()
     counts = [0] * count
     for i in swarm.normal if pairwise else ():
-        own = swarm.pairs.of(i, range(count))
-        counts[i], margin = len(own), rows.margin(i)
-        for pair in own:
+        own_pairs = swarm.pairs.of(i, range(count))
+        counts[i], margin = len(own_pairs), rows.margin(i)
+        for pair in own_pairs:
             (other,) = pair[pair != i].tolist()
             parts = [rows.row_function(i, margin, other, RowPart.WHOLE)]
             if other in swarm.sharing:

@@ -87,12 +87,12 @@ class ColumnRecorder:
         numbers, delays = fates["fate_k"].tolist(), fates["fate_delay"].tolist()
         faults = fates["fate_faults"]
         decided = _cut(fates, list(zip(names, numbers, delays, strict=True)))
-        struck: list[list[Any]] = [[] for _ in decided]
+        hits: list[list[Any]] = [[] for _ in decided]
         rows = fates.row
         for entry in np.flatnonzero(faults).tolist():
             hit = [self._declared[n] for n in bits(int(faults[entry]))]
-            struck[int(rows[entry])].append((names[entry], numbers[entry], hit))
-        return decided, struck
+            hits[int(rows[entry])].append((names[entry], numbers[entry], hit))
+        return decided, hits
 
 
 def bits(faults: int) -> list[int]:

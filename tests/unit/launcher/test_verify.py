@@ -167,7 +167,7 @@ def test_decisions_in_real_time_are_made_again_from_what_was_shown(tmp_path):
 
 
 @pytest.mark.slow
-def test_relayed_states_that_are_false_or_that_nobody_stated_are_not_decided_again(tmp_path):
+def test_relayed_states_that_are_false_or_that_no_agent_stated_are_not_decided_again(tmp_path):
     lie = {"kind": "lie", "agent": "2", "at": 0.0, "for": 1.0, "shift": [1.0, 0.0, 0.0, 0.0]}
     for faults, why in (([lie], "no false states"), ([], "agent 2 never stated")):
         scenario = load("radio", {"duration": 0.06, "faults": faults})
