@@ -110,7 +110,8 @@ def test_a_sampling_gap_that_lasts_to_the_end_of_the_run_is_counted():
     judge = judge_of("duration=0.5")
     for t in (0.0, 0.01):
         happen(judge, Sampled(1, t))
-    happen(judge, *[Sampled(0, 0.01 * k) for k in range(50)])
+    happen(judge, Sampled(0, 0.0))
+    happen(judge, *[Sampled(0, 0.01 * k) for k in range(1, 50)])
     assert counted(judge, "sampling gap") == (0, 50, None)
     happen(judge, StateReached(0.5, rows_of_scenario("unicycles").swarm.start(), []))
     assert counted(judge, "sampling gap") == (2, 53, 0.5)
@@ -224,14 +225,14 @@ def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
 @pytest.mark.slow
 def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
     judge = judge_of()
-    origins = [Origin.QP, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.QP]
-    for k, origin in enumerate(origins):
-        apply(judge, 0, k=k, t=k / 100, origin=origin)
+    origins = [Origin.QP, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.BACKUP]
+    judged = [apply(judge, 0, k=k, t=k / 100, origin=of) for k, of in enumerate(origins)]
+    assert [texts(each) for each in judged] == [[], ["agent 1: first backup"], [], []]
     apply(judge, 4, origin=Origin.ATTACK)
     findings = judge.findings()
     assert findings.steps == 5
-    assert findings.origins == {"qp": 2, "solver-failed": 0, "backup": 1, "no-authority": 1}
-    assert counted(judge, "non-empty K_i") == (2, 4, 0.01)
+    assert findings.origins == {"qp": 1, "solver-failed": 0, "backup": 2, "no-authority": 1}
+    assert counted(judge, "non-empty K_i") == (3, 4, 0.01)
 
 
 @pytest.mark.slow

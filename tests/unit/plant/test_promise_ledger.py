@@ -66,7 +66,11 @@ def test_a_disturbance_above_its_bound_breaks_its_agents_promise_an_adversarys_a
     promises, whose = ledger(), {"ab": "rogue"}.get(agents, agents)
     promises.disturbed(DisturbanceKnot(0.0625, np.array(phi)))
     why = f"the disturbance of {whose} is above its bound"
-    assert broken(promises) == [BrokenPromise(name, 0.0625, why) for name in agents]
+    first = [BrokenPromise(name, 0.0625, why) for name in agents]
+    assert broken(promises) == first
+    promises.failed(0.07, "a wall fell")
+    rest = [BrokenPromise(name, 0.07, "a wall fell") for name in "ab" if name not in agents]
+    assert broken(promises) == first + rest
 
 
 def test_the_judge_breaks_promises_by_true_states_and_inputs_and_says_whose_sample_was_false():
