@@ -7,6 +7,7 @@ python evidence/paper/simulation_1.py --seeds 3 --only paper --out /dev/stdout
 import statistics
 from collections.abc import Iterable
 
+from flagship import section
 from seeds import (
     CERTIFICATES,
     CERTIFICATES_NOTE,
@@ -50,6 +51,7 @@ def page(results: Results) -> str:
             "*With authority*: steps at which the backup could help; at the others the agent was "
             "far from every conflict and kept its nominal input.",
             "",
+            *section("simulation-1"),
         ]
     )
 

@@ -4,6 +4,7 @@ python evidence/paper/simulation_2.py --seeds 20 --jobs 2          # 140 s each
 python evidence/paper/simulation_2.py --seeds 2 --only paper --out /dev/stdout
 """
 
+from flagship import section
 from seeds import (
     CERTIFICATES,
     Results,
@@ -59,8 +60,9 @@ def page(results: Results) -> str:
         "",
         "h_tot lies above the largest h by up to ln(62) / ρ: 83 with ρ = 0.05, 21 with the 0.2 of "
         "β = 3. So every pair may be safe where h_tot is above zero.",
+        "",
     ]
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, *section("simulation-2")])
 
 
 if __name__ == "__main__":

@@ -70,11 +70,20 @@ def study(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; by default one for each processor.")
     ] = None,
+    confirm: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-6,
+            max=1.0,
+            help="Repeat this share of the rows over processes, and compare their hashes.",
+        ),
+    ] = None,
 ) -> int:
     """Run a scenario many times: every seed at every point of a grid, a table row for each run.
 
     Asked again, it runs what is missing: after Ctrl-C or a crash, or for more seeds or values.
-    Writes study.toml, rows.parquet and study.html into its folder. Exit status: 3 if a run broke.
+    Writes study.toml, rows.parquet and study.html into its folder. Exit status: 3 if a run broke
+    or has another hash over processes.
 
     Examples:
 
@@ -93,7 +102,17 @@ def study(
     target = out or Path("studies") / plan.name
     with _refusals():
         result = run_study(plan, out=target, workers=workers, progress=True)
-    return _print_rates(result)
+    status = _print_rates(result)
+    return status if confirm is None else max(status, _confirm(result, confirm))
+
+
+def _confirm(result: "Study", share: float) -> int:
+    """Print how many rows have the same hash over processes; return the exit status."""
+    same = result.confirm(share)
+    echo(f"over processes {sum(same.values())} of {len(same)} rows have the same hash")
+    if others := [str(index) for index, equal in same.items() if not equal]:
+        echo_error(f"another hash: rows {', '.join(others)}")
+    return 3 if others else 0
 
 
 def _plan(

@@ -213,6 +213,19 @@ class Study:
         """Run a row again, with its recording; engine and out as phalanx.run takes them."""
         return run_scenario(self.plan.load(self.plan.case(index)), engine=engine, out=out)
 
+    def confirm(self, share: float) -> dict[int, bool]:
+        """Repeat a share of the rows over processes, spread evenly; at least one.
+
+        Returns by index whether the trajectory has the row's hash.
+        """
+        runs = self.frame.filter(pl.col("trajectory") != "").select("index", "trajectory").rows()
+        every = max(1, round(1.0 / share))
+        return {
+            index: (summary := self.run(index).summary) is not None
+            and summary.trajectory == trajectory
+            for index, trajectory in runs[::every]
+        }
+
     def command(self, index: int) -> str:
         """Return the command that runs a row again."""
         return self.plan.command(self.plan.case(index))

@@ -46,6 +46,16 @@ def test_runs_that_share_a_seed_are_no_two_draws(tmp_path):
     assert study.rates("violated", by=[])["high"][0] > alone
 
 
+@pytest.mark.slow
+def test_rows_are_confirmed_over_processes_by_their_hashes(tmp_path, capsys):
+    words = "one-on-one", "--seeds", "0:2", "--set", "duration=0.05", "--confirm", "0.5"
+    assert status(["study", *words, "--out", str(tmp_path / "true")]) == 0
+    assert "over processes 1 of 1 rows have the same hash" in capsys.readouterr().out
+    plan = open_study(tmp_path / "true").plan
+    false = studied(tmp_path / "false", plan, {0: "safe"}, trajectory="another")
+    assert false.confirm(0.5) == {0: False}
+
+
 def test_refused_and_searched_rows_enter_no_rate(tmp_path):
     plan = plan_from({"scenario": "unicycles", "seeds": "0:4"})
     study = studied(tmp_path, plan, {0: "safe", 1: "violated", 2: "refused"})
