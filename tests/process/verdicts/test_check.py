@@ -167,7 +167,7 @@ def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_ha
 @pytest.mark.parametrize(("jitter", "together"), [(0.0, True), (0.001, False)])
 def test_one_controller_needs_agents_whose_clocks_have_no_jitter(jitter, together):
     clock = f"agents.0.clock.jitter={jitter}"
-    gaps = checked("one-on-one", "safety.control=centralised", clock).gaps
+    gaps = proof_gaps(swarm_of_scenario("one-on-one", "safety.control=centralised", clock))
     assert any("sample together" in gap for gap in gaps) is not together
 
 

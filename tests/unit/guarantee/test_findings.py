@@ -184,7 +184,6 @@ def test_what_rows_lack_for_a_proof_and_who_rests_is_said_whole(report):
 @pytest.mark.parametrize(
     ("override", "gap"),
     [
-        ("safety.alpha=[101.0]", "α_q is steeper"),
         ("safety.neighbourhood=9.0", "with safety.neighbourhood"),
         ("time.latency=0.002", "until time.latency is over"),
     ],

@@ -57,19 +57,15 @@ def promise_after(*faults: dict, **changes):
 
 
 def test_without_the_rule_two_collide_and_with_it_they_never_do():
+    """A robot that stands is hit by the rogue, and its promise is kept."""
     without = simulate(scenario(safety__keep=None))
     assert "a-b" in {v.pair for v in without.violations}
     assert without.promise is None
     summary = simulate(scenario())
+    assert summary.outcome is Outcome.VIOLATED
     assert {v.pair for v in summary.violations} <= {"a-rogue", "b-rogue"}
     assert summary.origins["fallback"] > 0
     assert summary.origins["controller-projected"] > 0
-
-
-def test_a_robot_that_stands_is_hit_and_its_promise_is_kept():
-    summary = simulate(scenario())
-    assert summary.outcome is Outcome.VIOLATED
-    assert summary.promise.kept
     assert str(summary.promise) == "kept for 5 of 5 pairs (3 for ever, 2 passively)"
     assert summary.promise.lost_at is None
 
@@ -81,10 +77,6 @@ def test_a_robot_that_stands_is_hit_and_its_promise_is_kept():
             {"kind": "pause", "at": 0.5, "for": 0.3, "agents": ["a"]}, "a", "silent", 2, id="pause"
         ),
         pytest.param({"kind": "kill", "at": 0.5, "agents": ["b"]}, "b", "silent", 2, id="kill"),
-        pytest.param(
-            {"kind": "sensor", "at": 0.0, "for": 2.0, "agents": ["a"], "bias": {"x": -1.0}},
-            "a", "its sample was false", 2, id="a false sample",
-        ),
     ],
 )  # fmt: skip
 def test_what_breaks_a_promise_is_named_with_its_agent_and_time(fault, agent, why, pairs):
