@@ -101,6 +101,12 @@ def test_only_a_pair_that_its_half_row_leaves_unproven_gets_its_whole_row():
     assert decision.u == pytest.approx([inside, -0.3], abs=1e-9)
     assert decision.binding == (1,)
     assert decision.proven == SwarmCertificates(rows.swarm).of(0)(x, decision.u).min()
+    one_row = {"safety.composition": "lse", "safety.information": "worst-case"}
+    rows = build_rows(build_swarm(load(table, options | one_row)))
+    now = FilterInput(0.0, x, seen, rows.terms(0)(x, seen), np.array([1.0, -0.3]), {})
+    proving, first = ProvenFilter(rows, 0, rows.filter(0)), rows.filter(0)(now)
+    of_agent_3 = proving._with_whole_rows(now, first, proving.proofs.others == 2)
+    assert of_agent_3.decision.binding == first.decision.binding == (1,)
 
 
 @pytest.mark.slow
