@@ -58,6 +58,8 @@ _LEDGER, _TEST_PROMISE = f"{_PLANT}/judge/promise.py", "tests/unit/promise"
 _TEST_RULE, _TEST_RUNS = f"{_TEST_PROMISE}/test_rule.py", f"{_TEST_PROMISE}/test_runs.py"
 _TEST_EXIT = f"{_TEST_PROMISE}/test_exit.py"
 _TEST_LEDGER = "tests/unit/plant/test_promise_ledger.py"
+_LOOP, _TEST_LOOP = "phalanx/native/loop", "tests/unit/native/test_loop.py"
+_TEST_PIECES = f"{_TEST_LOOP} -k piece"
 _KNOWLEDGE, _TEST_KNOWLEDGE = "phalanx/knowledge", "tests/unit/knowledge"
 
 MUTANTS = (
@@ -384,6 +386,44 @@ MUTANTS = (
            "self._for_ever & whole", "self._for_ever", _TEST_LEDGER),
     Mutant("the defect of integration", _COMMITTED,
            "agent_point(swarm, i, DEFECT), exit", "agent_point(swarm, i), exit", _TEST_RUNS),
+    Mutant("words of a draw in C in another order", f"{_LOOP}/draws.c",
+           "out[place % 4]", "out[3 - place % 4]", _TEST_PIECES),
+    Mutant("a loss in C by the draw of a delay", f"{_LOOP}/links.c",
+           "return !(drawn(key, k, 0, 2) < n[0]);", "return !(drawn(key, k, 1, 2) < n[0]);",
+           _TEST_PIECES),
+    Mutant("a jitter in C before sending", f"{_LOOP}/links.c",
+           "return after > 0.0 ? after : 0.0;", "return after;", _TEST_PIECES),
+    Mutant("a message in C that overtakes one too late", f"{_LOOP}/links.c",
+           "(k + 1) % (I)n[1]", "k % (I)n[1]", _TEST_PIECES),
+    Mutant("no second copy in C", f"{_LOOP}/links.c", "< n[0] ? 2 : 1", "< n[0] ? 1 : 1",
+           _TEST_PIECES),
+    Mutant("a queue in C that forgets the last message", f"{_LOOP}/links.c",
+           "r->left[stage] = t + new[n].after;", "r->left[stage] = t;", _TEST_PIECES),
+    Mutant("a goal in C by the seconds of its piece", f"{_LOOP}/laws.c",
+           "(t - r->piece_begin[piece]) / r->piece_scale[piece]", "t - r->piece_begin[piece]",
+           _TEST_PIECES),
+    Mutant("a bound in C of a row that is scaled", f"{_LOOP}/rows.c",
+           "g[k] = bound / scale;", "g[k] = bound;", _TEST_PIECES),
+    Mutant("a backup in C of the rows that cannot bind", f"{_LOOP}/rows.c",
+           "if (!(most >= highest)) continue;", "if (most >= highest) continue;", _TEST_PIECES),
+    Mutant("a backup in C of all rows where a margin is unknown", f"{_LOOP}/rows.c",
+           "unknown |= r->row_bound[k] == -INFINITY", "unknown |= 0", _TEST_PIECES),
+    Mutant("news in C that is older than what came", f"{_LOOP}/inbox.c",
+           "if (copy->k <= r->newest[link]) continue;", "if (0) continue;",
+           f"{_TEST_LOOP} -k reorder"),
+    Mutant("clocks in C without half of their jitter", f"{_LOOP}/loop.c",
+           "r->jitter[i] * (2.0 *", "r->jitter[i] * (1.0 *", f"{_TEST_LOOP} -k unicycles"),
+    Mutant("an input in C that takes effect an instant late", f"{_LOOP}/loop.c",
+           "if (!(r->due[i] <= t)) continue;", "if (!(r->due[i] < t)) continue;",
+           f"{_TEST_LOOP} -k unicycles"),
+    Mutant("a disturbance in C that stands between knots", f"{_LOOP}/loop.c",
+           "= here + r->slope[s] * (t - begin);", "= here;", f"{_TEST_LOOP} -k unicycles"),
+    Mutant("a pursuit in C of the farthest", f"{_LOOP}/laws.c", "square < least",
+           "square > least", f"{_TEST_LOOP} -k unicycles"),
+    Mutant("a row in C of the other sign", f"{_LOOP}/terms.c", "return -others;",
+           "return others;", f"{_TEST_LOOP} -k unicycles"),
+    Mutant("a guard in C that spends its margin", f"{_LOOP}/terms.c",
+           "+ margin + least);", "- margin + least);", f"{_TEST_LOOP} -k formation3d"),
 )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from tests.hostile.drawn_runs import compare, differences, in_c, in_process
 from tests.hostile.drawn_scenarios import FAMILY
+from tests.hostile.native_pieces import different, pieces
 
 pytestmark = [
     pytest.mark.slow,
@@ -71,6 +72,11 @@ def test_so_are_those_of_all_other_shipped_scenarios_and_seeds(name, seed):
 def test_so_are_those_of_scenarios_drawn_at_random(family):
     """`python -m tests.hostile.drawn_runs 10000` makes many more."""
     assert next(compare([FAMILY * family])) == ("equal", ANY)
+
+
+def test_each_piece_alone_gives_what_its_reference_in_python_does():
+    """`python -m tests.hostile.native_pieces 100000` compares more."""
+    assert list(different(pieces(("-O0",)), 150)) == []
 
 
 def assert_same(scenario: Scenario) -> None:
