@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from unittest.mock import patch
@@ -55,6 +55,8 @@ int choice_alone(Run *r, I i, I count, const double *wish) {
   return decide_pairs(r, i, count, wish, 0);
 }
 """
+_LINKS = 2
+"""Receivers of a scenario, and senders to each, whose links are compared."""
 _ORIGINS = Origin.QP, Origin.SOLVER_FAILED, Origin.BACKUP
 Case = tuple[object, object]
 """What C and what Python says, as texts would be equal to the bit."""
@@ -108,8 +110,8 @@ def fates(loop: ctypes.PyDLL, seed: int) -> Iterator[Case]:
     """Copies and faults of messages on each link, one after the other."""
     drawn = Drawn(loop, seed)
     names, out, faults = drawn.swarm.names, np.empty(16), np.empty(1)
-    for i, receiver in enumerate(names):
-        for j in drawn.swarm.heard_by(i):
+    for i, receiver in enumerate(names[:_LINKS]):
+        for j in sorted(drawn.swarm.heard_by(i))[:_LINKS]:
             model = drawn.swarm.links.model(names[j], receiver)
             link, sent = Link(drawn.swarm.seed, names[j], receiver, model), 0.0
             for k in range(12 if model.stages else 0):
@@ -211,9 +213,9 @@ def _drawn_rows(rng: np.random.Generator, size: int, m: int, most: int) -> tuple
 PIECES: tuple[Callable[[ctypes.PyDLL, int], Iterator[Case]], ...] = draws, fates, goals, choices
 
 
-def different(loop: ctypes.PyDLL, number: int, first: int = 0) -> Iterator[str]:
-    """Compare each piece over so many inputs; what differs, and a line for each piece."""
-    for piece in PIECES:
+def different(loop: ctypes.PyDLL, numbers: Sequence[int], first: int = 0) -> Iterator[str]:
+    """Compare each piece over so many inputs; yield what differs, and print a line for each."""
+    for piece, number in zip(PIECES, numbers, strict=True):
         compared, wrong, began = 0, 0, time.process_time()
         for seed in count(first):
             for made, wanted in piece(loop, seed):
@@ -233,7 +235,7 @@ def main() -> int:
     parser.add_argument("number", type=int)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     arguments = parser.parse_args()
-    lines = list(different(pieces(), arguments.number, arguments.first))
+    lines = list(different(pieces(), [arguments.number] * len(PIECES), arguments.first))
     print("\n".join(lines[:20]))
     return bool(lines)
 

@@ -15,7 +15,7 @@ static double inner(int d, const double *a, const double *b) {
 static int meet(int d, const double *rows, const int *chosen, double *x) {
   double t[D][D + 1], determinant = 1.0, scale = 1.0;
   for (int i = 0; i < d; ++i) {
-    memcpy(t[i], rows + (size_t)chosen[i] * (d + 1), sizeof t[i]);
+    memcpy(t[i], rows + (size_t)chosen[i] * (d + 1), sizeof(double) * (d + 1));
     scale *= sqrt(inner(d, t[i], t[i]));
   }
   for (int c = 0; c < d; ++c) {
