@@ -5,7 +5,7 @@ all draws with every seed.
 """
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from phalanx.scenario.load import validate
@@ -32,7 +32,9 @@ _ORDERS: Mapping[int, Mapping[int, tuple[str, ...]]] = {
 class Drawing:
     """A scenario's table, drawn part by part."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, links: Sequence[int]) -> None:
+        """links: numbers of rules for some links alone, of which one is drawn."""
+        self._links = links
         self._family, self._seed = random.Random(seed // FAMILY), random.Random(seed)
         self._axes = self._family.choice((2, 2, 3))
         self._degree = self._family.choice((1, 1, 2, 3))
@@ -217,7 +219,7 @@ class Drawing:
         links = [
             {**self._rules(), "from": draw.choice(["*", *self._names]),
              "to": draw.choice(["*", *self._names])}
-            for _ in range(draw.choice((0, 0, 1, 3)))
+            for _ in range(draw.choice(self._links))
         ]  # fmt: skip
         return {**self._rules(), "links": links}
 
@@ -252,6 +254,6 @@ class Drawing:
         return {field: rule for field, rule in every.items() if draw.random() < share}
 
 
-def scenario_of(seed: int) -> Scenario:
-    """Draw a scenario. Raises ScenarioError if what was drawn is none."""
-    return validate(Drawing(seed).table(), f"seed {seed}")
+def scenario_of(seed: int, links: Sequence[int] = (0, 0, 1, 3)) -> Scenario:
+    """Draw a scenario; links: as Drawing has them. Raises ScenarioError if it is none."""
+    return validate(Drawing(seed, links).table(), f"seed {seed}")

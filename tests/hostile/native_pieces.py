@@ -55,7 +55,7 @@ int choice_alone(Run *r, I i, I count, const double *wish) {
   return decide_pairs(r, i, count, wish, 0);
 }
 """
-_LINKS = 2
+_LINKS = 4
 """Receivers of a scenario, and senders to each, whose links are compared."""
 _ORIGINS = Origin.QP, Origin.SOLVER_FAILED, Origin.BACKUP
 Case = tuple[object, object]
@@ -98,7 +98,7 @@ class Drawn:
     def __init__(self, loop: ctypes.PyDLL, seed: int) -> None:
         self.loop, self.rng = loop, np.random.default_rng(seed)
         for number in count(FAMILY * seed):
-            self.rows: SafetyRows = build_rows(build_swarm(scenario_of(number)))
+            self.rows: SafetyRows = build_rows(build_swarm(scenario_of(number, [30])))
             if reason_against(self.rows) is None:
                 break
         self.swarm, self._tables = self.rows.swarm, RunMemory(self.rows, Kernels())
