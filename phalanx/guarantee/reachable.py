@@ -15,7 +15,6 @@ from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.extension import extend
-from phalanx.theory.expressions.interval import UnboundedOperationError
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.safety.function import Reaching, static_reach
@@ -99,7 +98,7 @@ def _box(swarm: Swarm, i: int, bound: float, horizon: float) -> MappedFunction |
         reach = reach_within(member, x, bound, horizon)
         p = ca.vertsplit(member.dynamics.position(x))
         components = extend(p, scalars([x]), reach.states)
-    except (ValueError, UnboundedOperationError):
+    except ValueError:
         return None
     low = [ca.if_else(reach.certain, p_k.lo, -ca.inf) for p_k in components]
     high = [ca.if_else(reach.certain, p_k.hi, ca.inf) for p_k in components]
