@@ -14,14 +14,14 @@ jax.config.update("jax_enable_x64", True)
 
 def composed(p: Any) -> Any:
     """Return h_tot."""
-    off, apart = p[m.FIRST] - p[m.SECOND], p[:3, None] - m.OBSTACLES
-    obstacles = (m.CLEARANCE**2 - (apart**2).sum(-1)).ravel()
+    off, to_obstacle = p[m.FIRST] - p[m.SECOND], p[:3, None] - m.OBSTACLES
+    obstacles = (m.CLEARANCE**2 - (to_obstacle**2).sum(-1)).ravel()
     h = jnp.concatenate([m.RADIUS**2 - (off**2).sum(-1), obstacles])
     return jax.nn.logsumexp(m.RHO * h) / m.RHO
 
 
-def controls(x: Any, held: Any, t: Any) -> tuple[Any, Any]:
-    """Return the inputs of all agents, (5, 2), and h_tot; held: the last inputs."""
+def controls(x: Any, last_input: Any, t: Any) -> tuple[Any, Any]:
+    """Return the inputs of all agents, (5, 2), and h_tot; last_input: the last inputs."""
     forward = jnp.stack([jnp.cos(x[:, 2]), jnp.sin(x[:, 2])], -1)
     p = x[:, :2] + m.OFFSET * forward
     across = jnp.stack([-forward[:, 1], forward[:, 0]], -1)
@@ -31,8 +31,14 @@ def controls(x: Any, held: Any, t: Any) -> tuple[Any, Any]:
     wish = jnp.concatenate([velocity + center + m.PLACES[:3] - p[:3], 5.0 * (p[near] - p[3:])])
     nominal = jnp.stack([(wish * forward).sum(-1), (wish * across).sum(-1) / m.OFFSET], -1)
     c = jnp.stack([(slope * forward).sum(-1), m.OFFSET * (slope * across).sum(-1)], -1)
-    kept = (c[:3] * held[:3]).sum(-1)
-    bound = -m.ALPHA * h_tot - m.ETA - (jnp.abs(c[3:]) * m.LIMIT[3:]).sum() - kept.sum() + kept
+    last_rate = (c[:3] * last_input[:3]).sum(-1)
+    bound = (
+        -m.ALPHA * h_tot
+        - m.ETA
+        - (jnp.abs(c[3:]) * m.LIMIT[3:]).sum()
+        - last_rate.sum()
+        + last_rate
+    )
 
     def input_at(multiplier: Any) -> Any:
         return jnp.clip(nominal[:3] - multiplier[:, None] * c[:3], -m.LIMIT[:3], m.LIMIT[:3])

@@ -53,12 +53,12 @@ def stepped(xp: Any, x: Any, u: Any, phi: Any) -> Any:
     return x + dt / 6 * (a + 2 * b + 2 * c + rate(x + dt * c))
 
 
-def controls(x: Array, held: Array, t: float) -> tuple[Array, Array]:
-    """Return the inputs of all agents, (seeds, 5, 2), and h_tot; held: the last inputs."""
+def controls(x: Array, last_input: Array, t: float) -> tuple[Array, Array]:
+    """Return the inputs of all agents, (seeds, 5, 2), and h_tot; last_input: the last inputs."""
     cos, sin = np.cos(x[..., 2]), np.sin(x[..., 2])
     p = x[..., :2] + OFFSET * np.stack([cos, sin], -1)
-    off, apart = p[:, FIRST] - p[:, SECOND], p[:, :3, None] - OBSTACLES
-    obstacles = (CLEARANCE**2 - (apart**2).sum(-1)).reshape(len(x), -1)
+    off, to_obstacle = p[:, FIRST] - p[:, SECOND], p[:, :3, None] - OBSTACLES
+    obstacles = (CLEARANCE**2 - (to_obstacle**2).sum(-1)).reshape(len(x), -1)
     h = np.concatenate([RADIUS**2 - (off**2).sum(-1), obstacles], 1)
     peak = h.max(1)
     weight = np.exp(RHO * (h - peak[:, None]))
@@ -67,7 +67,7 @@ def controls(x: Array, held: Array, t: float) -> tuple[Array, Array]:
     pairs = -2.0 * weight[:, : len(FIRST), None] * off
     slope: Array = np.einsum("pa,spd->sad", np.eye(5)[FIRST] - np.eye(5)[SECOND], pairs)
     around = weight[:, len(FIRST) :].reshape(len(x), 3, -1)
-    slope[:, :3] -= 2.0 * (around[..., None] * apart).sum(2)
+    slope[:, :3] -= 2.0 * (around[..., None] * to_obstacle).sum(2)
     center, velocity = bezier(np, t)
     near = ((p[:, 3:, None] - p[:, None, :3]) ** 2).sum(-1).argmin(-1)
     prey = np.take_along_axis(p[:, :3], near[..., None], 1)
@@ -76,8 +76,8 @@ def controls(x: Array, held: Array, t: float) -> tuple[Array, Array]:
     nominal = np.stack([(wish * forward).sum(-1), (wish * across).sum(-1) / OFFSET], -1)
     c = np.stack([(slope * forward).sum(-1), OFFSET * (slope * across).sum(-1)], -1)
     worst = (np.abs(c[:, 3:]) * LIMIT[3:]).sum((1, 2))
-    kept = (c[:, :3] * held[:, :3]).sum(-1)
-    bound = (-ALPHA * h_tot - ETA - worst - kept.sum(1))[:, None] + kept
+    last_rate = (c[:, :3] * last_input[:, :3]).sum(-1)
+    bound = (-ALPHA * h_tot - ETA - worst - last_rate.sum(1))[:, None] + last_rate
     low, high = np.zeros_like(bound), np.full_like(bound, 1e6)
     for _ in range(50):
         middle = 0.5 * (low + high)

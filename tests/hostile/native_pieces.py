@@ -98,7 +98,7 @@ class Drawn:
     def __init__(self, loop: ctypes.PyDLL, seed: int) -> None:
         self.loop, self.rng = loop, np.random.default_rng(seed)
         for number in count(FAMILY * seed):
-            self.rows: SafetyRows = build_rows(build_swarm(scenario_of(number, [30])))
+            self.rows: SafetyRows = build_rows(build_swarm(scenario_of(number, [12])))
             if reason_against(self.rows) is None:
                 break
         self.swarm, self._tables = self.rows.swarm, RunMemory(self.rows, Kernels())
