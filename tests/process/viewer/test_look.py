@@ -89,13 +89,14 @@ def shows_options(tab: "Tab") -> bool:
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_all_texts_are_of_one_font_and_readable(tab: "Tab", replayed: Page, dark: bool) -> None:
     set_display(tab, *(["Dark"] if dark else []))
+    titles = {"Inputs", "Legend", "Choose from the worst pair"}
     scheme = "dark" if dark else "light"
     tab.locator(f"html[data-mantine-color-scheme={scheme}]").wait_for(state="attached")
     for size in (DESK, PHONE):
         tab.set_viewport_size(size)
         wait_for(lambda: shows_options(tab))  # another layout folds them again
+        wait_for(lambda: titles <= {text["text"] for text in tab.evaluate(TEXTS)})
         texts = tab.evaluate(TEXTS)
-        assert {"Inputs", "Legend", "Choose from the worst pair"} <= {t["text"] for t in texts}
         assert len({text["font"] for text in texts}) == 1
         faint = [text for text in texts if text["contrast"] < LEAST_CONTRAST]
         assert not faint
