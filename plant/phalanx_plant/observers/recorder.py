@@ -53,8 +53,8 @@ class TrajectoryHash:
         begins[order] = np.cumsum(widths[order]) - widths[order]
         numbers = np.empty(widths.sum())
         numbers[begins[: len(begun), None] + np.arange(begun.shape[1])] = begun
-        places = begins[len(begun) :, None] + np.arange(applied.shape[1])
-        numbers[places[fits]] = applied[fits]
+        indices = begins[len(begun) :, None] + np.arange(applied.shape[1])
+        numbers[indices[fits]] = applied[fits]
         self._sha.update(numbers.data)
 
     @property
