@@ -152,7 +152,7 @@ def _norm(history: RecordedHistory, i: int, curves: list[InputCurve]) -> list[In
 def _mark_empty(axes: Axes, steps: AgentSeries, values: Array) -> None:
     for origin, colour, size in ((Origin.NO_AUTHORITY, _LIGHT, 14), (Origin.BACKUP, "#e00000", 26)):
         marked = steps.empty == EMPTY_CODES[origin]
-        label = f"{origin_label(origin)} ({marked.sum()} steps)"
+        label = f"{origin_label(origin)} ({marked.sum()} steps)" if marked.any() else None
         points = steps.t[marked], values[marked]
         axes.scatter(
             *points, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
