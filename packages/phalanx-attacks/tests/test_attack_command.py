@@ -12,7 +12,8 @@ import pytest
 import phalanx
 from phalanx.scenario.load import scenario_text
 from tests.process.runs import wait_for
-from tests.weak_swarm import weak
+
+from .weak_swarm import weak
 
 pytestmark = pytest.mark.nightly
 

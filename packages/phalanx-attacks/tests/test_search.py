@@ -18,7 +18,8 @@ import phalanx
 from phalanx.launcher import interrupt
 from phalanx.scenario.load import scenario_text
 from tests.layers import layered
-from tests.weak_swarm import weak
+
+from .weak_swarm import weak
 
 
 class Direct(Executor):

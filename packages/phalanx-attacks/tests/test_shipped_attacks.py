@@ -14,7 +14,8 @@ from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 from tests.layers import layered
-from tests.weak_swarm import weak
+
+from .weak_swarm import weak
 
 ROOT = Path(__file__).parents[3]
 CORPUS = sorted((ROOT / "scenarios" / "attacks").glob("*.toml"))

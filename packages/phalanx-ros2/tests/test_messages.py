@@ -24,7 +24,8 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.guarantee.verdict import Assumption
-from tests import ros2_messages as ros
+
+from . import messages as ros
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,9 @@ from phalanx_viewer.scene.model import rotations_to, scene_model
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.wire.session import open_hub, reserved_endpoint
-from tests import ros2_messages as ros
 from tests.process.runs import HELD, PACED, live_run, wait_for
+
+from . import messages as ros
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 

@@ -6,7 +6,8 @@ import pytest
 from phalanx_testing import CheckedRun, ClaimError, kill, lie, partition, start
 
 from phalanx.launcher.run import Run
-from tests.unit.crossing import CROSSING, UNFILTERED, crossed
+
+from .crossing import CROSSING, UNFILTERED, crossed
 
 CUT = partition(["a"], at=0.5, for_=0.5)
 LIE = lie("b", says="opposite", at=0.2, for_=1.0)

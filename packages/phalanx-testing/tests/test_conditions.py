@@ -11,7 +11,8 @@ from phalanx_testing.fault_tables import table_of
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.load import load, scenario_text
 from phalanx.scenario.model import digest
-from tests.unit.crossing import CROSSING
+
+from .crossing import CROSSING
 
 ONE_OF_EACH = [
     fault_tables.partition(["a"], at=1.0, for_=0.5),

@@ -12,7 +12,8 @@ import pytest
 from phalanx_testing.pytest import failure
 
 from phalanx.scenario.load import scenario_text
-from tests.unit.crossing import CROSSING, UNFILTERED
+
+from .crossing import CROSSING, UNFILTERED
 
 pytest_plugins = ["pytester"]
 

@@ -12,7 +12,8 @@ from phalanx_testing.rates import decided, runs_to_decide
 
 from phalanx.extend import Array, TrackVelocity, View
 from tests.synthetic_studies import draws, most_misses
-from tests.unit.crossing import CROSSING, UNFILTERED
+
+from .crossing import CROSSING, UNFILTERED
 
 LOOKS = np.arange(5, 501, 5)
 

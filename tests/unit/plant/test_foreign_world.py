@@ -6,73 +6,19 @@ import pytest
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.world.foreign import ForeignIntegration
 from phalanx_plant.world.world import World
-from phalanx_testing import WorldMistakeError, check_world
 
 import phalanx
-from phalanx.extend import WorldAgent
 from phalanx.schema import registry
-from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.models.world import advanced
-from tests.layers import layered
 from tests.unit.plant import worlds
 from tests.unit.swarms import rows_of_scenario
 
 HERE = "tests.unit.plant.worlds"
 
 
-def robots(name="unicycles"):
-    swarm = rows_of_scenario(name).swarm
-    starts = (swarm.start()[part] for part in swarm.safe_set.parts)
-    return [WorldAgent(m.name, m.dynamics, x) for m, x in zip(swarm.members, starts, strict=True)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", layered(("unicycles", "formation3d", "quadrotors"), ("unicycles",))
-)
-def test_the_plants_own_integration_is_a_world(name):
-    check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
-
-
 def test_a_world_without_notes_says_that_nothing_else_happened():
     terse = SimpleNamespace(advance=lambda until: SimpleNamespace(t=[until], x={}))
     assert advanced(terse, [], 0.0, 0.001, step=0.001).notes == ()
-
-
-@pytest.mark.parametrize(
-    "world", [worlds.Unicycles, worlds.Slippery, lambda: worlds.Fickle(determinism="none")]
-)
-def test_a_world_of_ones_own_passes(world):
-    """One without determinism need not repeat itself."""
-    check_world(world, robots())
-
-
-@pytest.mark.parametrize(
-    ("world", "rule"),
-    [
-        (worlds.Forgetful, "two advances are one"),
-        (lambda: worlds.Forgetful(determinism="none"), "two advances are one"),
-        (worlds.Deaf, "its input does not move it"),
-        (worlds.Trusting, "an input that is not finite"),
-        (worlds.Fickle, "same seed, same states"),
-        (worlds.Misplaced, "agent 1: it starts elsewhere"),
-        (worlds.Restless, "an input is zero until the first one"),
-        (worlds.Borrowing, "does hold copy its input"),
-        (worlds.Overwriting, "a later advance changed its states"),
-        (worlds.Jumping, "same new seed, same states"),
-        (worlds.Patient, "an advance to now"),
-        (lambda: worlds.Unicycles(determinism="some"), "expected bits, build or none, got some"),
-    ],
-)
-def test_a_world_that_breaks_a_rule_is_named_with_it(world, rule):
-    with pytest.raises(WorldMistakeError, match=rule):
-        check_world(world, robots())
-
-
-@pytest.mark.parametrize("world", [worlds.Overshooting, worlds.Coarse])
-def test_a_world_that_returns_other_times_is_refused(world):
-    with pytest.raises(MistakenMethodError, match=r"advance: expected states up to t = 0\.05 s"):
-        check_world(world, robots())
 
 
 @pytest.fixture
@@ -177,7 +123,7 @@ def test_a_world_that_breaks_a_rule_ends_the_run_with_its_name(ran):
 @pytest.mark.parametrize(
     ("name", "world", "message"),
     [
-        ("unicycles", {"type": f"{HERE}:Declared"}, "expected a dataclass that is a World"),
+        ("unicycles", {"type": f"{HERE}:Draws"}, "expected a dataclass that is a World"),
         (
             "worlds/rovers",
             {"type": "mujoco", "failures": [{"at": 1.0, "agent": "9"}]},

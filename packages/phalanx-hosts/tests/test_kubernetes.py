@@ -11,7 +11,7 @@ import yaml
 
 import phalanx
 
-MANIFEST = Path(__file__).parents[2] / "docs" / "deploy" / "kubernetes.yaml"
+MANIFEST = Path(__file__).parents[3] / "docs" / "deploy" / "kubernetes.yaml"
 RESOURCES = list(yaml.safe_load_all(MANIFEST.read_text()))
 BY_NAME = {(each["kind"], each["metadata"]["name"]): each for each in RESOURCES}
 PODS = {
