@@ -34,7 +34,7 @@ NOT_IN_PLACE = 99
 COLLECTING = "collecting"
 """In place of a test's name: what is run before all."""
 Executed = tuple[float, dict[str, set[int]]]
-"""What a test took in seconds, and the lines by file that it ran."""
+"""What a test took in seconds of a core, and the lines by file that it ran."""
 Functions = dict[str, list[FunctionType]]
 _PATHS = (
     "", "agent", "plant", "viewer",
@@ -43,12 +43,15 @@ _PATHS = (
 _OPTIONS = "-x -q --tb=line -p no:xdist -p no:cacheprovider -m 'not nightly'"
 _LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
 """Bytes that a mutant's process may use, and write into a file."""
+_WAITING = 10
+"""How many seconds may pass for each that a mutant's process may compute."""
 
 
 class Forks:
     """A plugin of pytest that collects tests once, and runs some in a fork for each request.
 
-    A request is the names of tests in their order, a limit in seconds, and what in_place takes.
+    A request is the names of tests in their order, a limit in seconds of a core, and what in_place
+    takes. A busy machine makes a fork wait: the limit by the clock is for one that sleeps.
     """
 
     def __init__(self, requests: Connection) -> None:
@@ -69,13 +72,14 @@ class Forks:
                 break
             watched = os.pidfd_open(process)
             # A pipe that is closed ends the fork with the process that asked for it.
-            has_ended = watched in wait([watched, self._requests], limit)
+            has_ended = watched in wait([watched, self._requests], _WAITING * limit)
             os.close(watched)
             with suppress(ProcessLookupError):
                 os.killpg(process, signal.SIGKILL)
             status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
-            self._requests.send(status if has_ended else None)
+            self._requests.send(status if has_ended and status != -signal.SIGXCPU else None)
         os.setpgid(0, 0)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
         shutil.rmtree(tempfile.gettempdir())
         os.mkdir(tempfile.gettempdir())
         if change and not in_place(functions, *change):
@@ -94,7 +98,7 @@ class Lines:
 
     def _begin(self) -> None:
         self._lines: dict[str, set[int]] = {file: set() for file in self._files.values()}
-        self._begun = time.monotonic()
+        self._begun = time.process_time()
         threading.settrace(self._see)
         sys.settrace(self._see)
 
@@ -106,7 +110,7 @@ class Lines:
 
     def _end(self, name: str) -> None:
         sys.settrace(None)
-        self._executed[name] = time.monotonic() - self._begun, self._lines
+        self._executed[name] = time.process_time() - self._begun, self._lines
 
     def pytest_collection_finish(self) -> None:
         self._end(COLLECTING)
