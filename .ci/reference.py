@@ -1,7 +1,7 @@
-"""Write the names of each module into the pages of the reference, which a code host shows as text.
+"""Write into pages what a code host cannot: names of modules, and files in titled blocks of code.
 
-The docs site makes the rest from docstrings. Of a package there is a line for each of its files; of
-a module with `__all__` one for each name.
+The docs site makes the rest of the reference from docstrings. Of a package there is a line for each
+of its files; of a module with `__all__` one for each name.
 """
 
 import ast
@@ -11,10 +11,11 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = ROOT / "docs" / "reference"
+PAGES = ROOT / "docs"
 BEGIN, END = "<!-- names, by .ci/reference.py -->", "<!-- end of names -->"
 LIST = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}\n\n", re.DOTALL)
 DIRECTIVE = re.compile(r"^::: (phalanx[\w.]*)$", re.MULTILINE)
+SHOWN = re.compile(r'^(```\w+ title="([^"]+)"\n).*?^```$', re.DOTALL | re.MULTILINE)
 
 Docstrings = dict[str, str]
 """First sentences by name."""
@@ -95,9 +96,16 @@ def with_names(page: str) -> str:
     return f"{bare[: at.start()]}{text}\n\n{bare[at.start() :]}"
 
 
+def with_files(page: str) -> str:
+    """Return a page whose blocks of code that have a file's path as title have its text."""
+    return SHOWN.sub(lambda block: f"{block[1]}{(ROOT / block[2]).read_text('utf-8')}```", page)
+
+
 def main() -> None:
-    for page in sorted(PAGES.glob("*.md")):
+    for page in sorted((PAGES / "reference").glob("*.md")):
         page.write_text(with_names(page.read_text("utf-8")), "utf-8")
+    for page in sorted(PAGES.glob("*.md")):
+        page.write_text(with_files(page.read_text("utf-8")), "utf-8")
 
 
 if __name__ == "__main__":

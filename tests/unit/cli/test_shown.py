@@ -49,7 +49,7 @@ class Shown(NamedTuple):
 
 def blocks(page: str) -> Iterator[str]:
     """Yield the lines of a page's blocks of code, without those of Python and TOML."""
-    fence = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+    fence = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
     yield from (text for language, text in fence.findall(page) if language in ("", "sh"))
     yield from re.findall(r"^    .*\n", page, re.MULTILINE)
 
