@@ -36,11 +36,8 @@ COLLECTING = "collecting"
 Executed = tuple[float, dict[str, set[int]]]
 """What a test took in seconds of a core, and the lines by file that it ran."""
 Functions = dict[str, list[FunctionType]]
-_PATHS = (
-    "", "agent", "plant", "viewer",
-    *(f"packages/phalanx-{name}" for name in ("attacks", "certify", "hosts", "worlds")),
-)  # fmt: skip
-_OPTIONS = "-x -q --tb=line -p no:xdist -p no:cacheprovider -m 'not nightly'"
+_OPTIONS = "-x -q --tb=line --timeout 0 -p no:xdist -p no:cacheprovider -m 'not nightly'"
+_OURS = "agent", "plant", "viewer"
 _LIMITS = {resource.RLIMIT_AS: 8 * 2**30, resource.RLIMIT_FSIZE: 2**30}
 """Bytes that a mutant's process may use, and write into a file."""
 _WAITING = 10
@@ -156,7 +153,8 @@ def _test(copy: Path, tests: str, plugin: type, *arguments: object) -> None:
         for number, file in enumerate((none, log, log)):
             os.dup2(file.fileno(), number)
     sys.stdout = sys.stderr = open(1, "w", closefd=False)  # noqa: SIM115
-    paths = [str(copy / name) for name in _PATHS]
+    folders = copy, *(copy / name for name in _OURS), *copy.glob("packages/phalanx-*")
+    paths = [*map(str, folders)]
     temporary = copy.with_suffix(".tmp")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()
