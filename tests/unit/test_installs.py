@@ -16,6 +16,9 @@ FOLDERS = ["phalanx", "agent", "plant", "viewer", "docs", "examples", "scenarios
            "bench", "evidence", "packages"]  # fmt: skip
 IGNORED = {"pyproject.toml", Path(__file__).name}
 KINDS = {".py", ".md", ".toml", ".ipynb", ".html", ".yml", ".yaml"}
+BESIDE = sorted((ROOT / "packages").glob("*/pyproject.toml"))
+PACKAGES = {file.parent.name for file in BESIDE}
+PIP = re.compile(r"pip install ([^`|\n]*(?:\n {8,}[\"'].*)*)")
 FROM_AN_INDEX = re.compile(
     rf"{PROJECT['name']}[\[=<>~]|pip3? install [^\n&;|]*\b{PROJECT['name']}\b"
 )
@@ -40,6 +43,16 @@ def test_pages_and_messages_install_from_where_one_constant_says():
     assert len(sources) > 8
 
 
+def test_a_package_is_installed_together_with_those_that_it_needs():
+    lines = [line for text in texts().values() for line in PIP.findall(text)]
+    named = [set(re.findall(r"packages/(phalanx-[a-z]\w*)", line)) for line in lines]
+    for file in BESIDE:
+        project = tomllib.loads(file.read_text("utf-8"))["project"]
+        needed = {Requirement(text).name for text in project["dependencies"]} & PACKAGES
+        lacking = [names for names in named if project["name"] in names and not needed <= names]
+        assert lacking == [], file
+
+
 def test_every_extra_that_is_named_exists():
     pattern = re.compile(r"install (?:-e )?'\.\[([\w,-]+)\]'")
     matches = {name: pattern.findall(text) for name, text in texts().items()}
@@ -49,7 +62,6 @@ def test_every_extra_that_is_named_exists():
 
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-BESIDE = sorted((ROOT / "packages").glob("*/pyproject.toml"))
 LOCKS = {"image": ("view",), "all": ("test", "docs")}
 
 
