@@ -46,7 +46,7 @@ def lookup(kind: type, name: str) -> type:
     if home := BUILT_IN.get(kind, {}).get(name) or _installed(kind).get(name):
         return pkgutil.resolve_name(home)  # type: ignore[no-any-return]
     if package := PACKAGES.get(kind, {}).get(name):
-        raise ValueError(f"{name!r} is of a package beside Phalanx: {installing(package)}")
+        raise ValueError(f"expected what `{installing(package)}` brings")
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
     cls: type = import_named(name)
