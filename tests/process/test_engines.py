@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import polars as pl
 import pytest
 
 import phalanx
@@ -176,16 +175,3 @@ def test_other_agents_have_one_trajectory_too(name: str) -> None:
     faults = [{"kind": "partition", "at": 0.5, "for": 0.5, "shape": "ring"}]
     runs = on_both_engines(phalanx.load(name, {**fewer, "faults": faults}))
     assert runs[0].summary.outcome is phalanx.Outcome.GUARANTEED
-
-
-def test_one_that_was_restarted_stands_until_it_has_heard_its_peers() -> None:
-    restart = {"kind": "restart", "at": 1.0, "for": 0.2, "agents": ["1"]}
-    changes = {"duration": 2.5, "network.loss": 0.0, "faults": [restart]}
-    run = phalanx.run(phalanx.load("radio", changes))
-    states = run.states
-    speed = (states["1.vx"] ** 2 + states["1.vy"] ** 2).sqrt()
-    slowest = speed.filter(states["t"] > 1.2).min()
-    assert slowest < 0.7 * speed.filter(states["t"] < 1.0).max()
-    ages = run.inputs.filter(agent="1").filter(pl.col("t") >= 1.2)["oldest_input"].to_list()
-    assert ages[0] is None
-    assert ages[-1] > 0.0

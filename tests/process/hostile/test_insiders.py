@@ -5,18 +5,14 @@ from pathlib import Path
 import pytest
 
 from phalanx.faults.commands import CommandPolicy
-from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.engine import RunOptions, execute
-from phalanx.scenario.load import load
+from phalanx.guarantee.verdict import Summary
 from tests.hostile.attacker import INSIDERS, READ, STRANGERS, is_at_full_speed
-from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.hostile.attacks import assailed
 from tests.process.runs import HELD, PACED
 
 pytestmark = pytest.mark.swarm
 
 IN_HIS_OWN_NAME = "in his own name"
-WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding" }'
 
 
 FLOODS = [name for name in INSIDERS if is_at_full_speed(name)]
@@ -40,15 +36,6 @@ def test_insiders_change_nothing(
     actual, expected = (summary.trajectory, summary.outcome), (calm.trajectory, calm.outcome)
     assert actual == expected, summary.reason
     assert [name for name, each in attackers.items() if not each.let_in] == []
-
-
-def test_one_who_withholds_a_broadcast_is_named_with_who_waits_for_it(tmp_path) -> None:
-    scenario = load(NAME, ["duration=0.5", "time.timeout=5.0", WITHHOLDING])
-    summary = execute(scenario, tmp_path, RunOptions())
-    reason = "agent 1 waits at sample 11 for what others put: broadcast 10 of agent 3 did not come"
-    assert summary.outcome is Outcome.BROKEN
-    assert reason in summary.reason
-    assert reason in (tmp_path / "logs" / "1.log").read_text()
 
 
 NEEDS_NO_SESSION = "stranger: holds 200 connections half-open"

@@ -138,7 +138,7 @@ def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_pa
     endpoint = free_endpoint()
     of_run = ("--set", "time.timeout=10", "--set", "duration=1", "--set", WITHHOLDING)
     common = ("--scenario", "unicycles", "--run", "r", *of_run)
-    phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
+    plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
     first, *_ = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
     status, output = first.finish(timeout=PATIENCE)
     assert status == 3
@@ -146,6 +146,8 @@ def test_an_agent_started_by_hand_says_who_withholds_a_broadcast(phalanx, tmp_pa
     (reason,) = (line for line in output.splitlines() if "waits at sample" in line)
     assert "broadcast 10 of agent 3 did not come. Its sender withholds it" in reason
     assert "see the sender's log" in reason
+    assert plant.finish()[0] == 3
+    assert "agent 1 waits at sample 11 " in read(tmp_path, trust=True).summary.reason
 
 
 STARTING = {

@@ -11,7 +11,6 @@ import msgspec
 import psutil
 import pytest
 
-import phalanx as api
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from tests.process.runs import wait_for
@@ -31,14 +30,6 @@ def test_a_recording_verifies_against_a_second_run(phalanx, recorded):
     status, output = phalanx("verify", str(recorded.path)).finish()
     assert status == 0
     assert "bit-identical: " in output
-
-
-def test_a_run_that_was_stopped_before_a_reseed_is_verified(phalanx, tmp_path):
-    reseed = [{"at": 0.1, "seed": 8}, {"at": 0.3, "seed": 9}]
-    with api.start(api.load("unicycles", {"duration": 0.5, "reseed": reseed}), out=tmp_path) as run:
-        run.until(0.2)
-    status, output = phalanx("verify", str(run.folder)).finish()
-    assert (status, "bit-identical: " in output) == (0, True), output
 
 
 def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(

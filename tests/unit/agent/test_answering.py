@@ -68,6 +68,7 @@ BROADCASTS = {
     "noise": (HEARD, os.urandom(60)),
     "an input that is no number": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(math.nan, 0.0)))),
     "an input too many": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(0.0,) * 3))),
+    "an input too few": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(0.0,)))),
     "from the past": (HEARD, PLANT.seal(HEARD, a_broadcast(k=-1))),
     "from the far future": (HEARD, PLANT.seal(HEARD, a_broadcast(k=10**6))),
     "under every name": (EVERY, PLANT.seal(EVERY, a_broadcast())),

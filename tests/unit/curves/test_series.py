@@ -46,16 +46,6 @@ def test_fewer_points_keep_every_peak() -> None:
     assert list(extremes(y[:300], 400)) == list(range(300))
 
 
-@pytest.mark.parametrize(("side", "spike", "other"), [("highest", 777, 888), ("lowest", 888, 777)])
-def test_one_side_alone_keeps_its_peaks_and_not_the_others(side, spike, other) -> None:
-    y = np.zeros(100_001)
-    y[[777, 888]] = 9.0, -9.0
-    indices = extremes(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
-    assert spike in indices
-    assert other not in indices
-    assert len(indices) <= 400
-
-
 def test_without_curves_an_envelope_has_no_interval() -> None:
     assert len(envelope([]).edges) == 0
 

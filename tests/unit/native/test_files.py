@@ -31,15 +31,6 @@ def test_a_link_is_replaced_and_its_target_stays(tmp_path: Path):
     )
 
 
-def test_a_second_name_of_a_file_keeps_the_old_content(tmp_path: Path):
-    first, second = tmp_path / "first", tmp_path / "second"
-    first.write_text("precious")
-    os.link(first, second)
-    with whole_file(second) as part:
-        part.write_text("new")
-    assert (first.read_text(), second.read_text()) == ("precious", "new")
-
-
 def test_what_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path):
     file = tmp_path / "rows"
     file.write_text("old")

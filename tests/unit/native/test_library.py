@@ -9,9 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import phalanx
 from phalanx.cli.app import FAILED, status
-from phalanx.launcher.simulation import compile_scenario
 from phalanx.native import library as module
 from phalanx.native.library import COMPILER, FOLDER, build, missing, native
 from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction
@@ -161,21 +159,3 @@ def test_a_compiler_that_fails_is_quoted(folder):
     with pytest.raises(OSError, match="no-such-option"):
         module._compile(("cc", "--no-such-option"), folder / "f.so", module._source(function))
     assert not list(folder.iterdir())
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_a_compiled_scenario_has_the_trajectory_of_the_interpreted_one(folder, capsys):
-    scenario = phalanx.load("unicycles", {"duration": 0.3})
-    interpreted = phalanx.run(scenario, engine="in-process")
-    steps: list[int] = []
-    count = compile_scenario(scenario, lambda done, of: steps.append(done))
-    assert steps == list(range(1, count + 1))
-    with missing() as functions:
-        compiled = phalanx.run(scenario, engine="in-process")
-    assert interpreted.summary
-    assert compiled.summary
-    assert compiled.summary.trajectory == interpreted.summary.trajectory
-    # The recording alone asks for one more: it shows positions.
-    assert count > 10 >= 5 > len(functions)
-    assert compile_scenario(scenario, lambda done, of: None) == 0

@@ -1,7 +1,5 @@
 """Links and inbox: treatment of broadcasts, and the inputs received by t."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -157,35 +155,6 @@ def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
     assert newest(inbox) == 1
 
 
-def test_a_lost_broadcast_leaves_the_one_before_in_place():
-    inbox = inbox_of(model(loss=0.5))
-    link = Link(0, "s0", "me", model(loss=0.5))
-    last = None
-    for k in range(40):
-        inbox.put(0, broadcast(k))
-        inbox.advance(upto(k), k / 100)
-        last = last if link.fate(k).delay is None else k
-        assert newest(inbox) == last
-    assert last is not None
-
-
-def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
-    wild = model(delay={"low": 0.0, "high": 0.2})
-    inbox, link = inbox_of(wild), Link(0, "s0", "me", wild)
-    due = [k / 100 + link.fate(k).delay for k in range(60)]
-    assert any(a > b for a, b in itertools.pairwise(due)), "no overtaking to test"
-    for k in range(60):
-        inbox.put(0, broadcast(k))
-    numbers = []
-    for t in np.arange(0.0, 1.0, 0.003):
-        latest = min(59, int(t * 100))
-        inbox.advance(upto(latest), t)
-        expected = max((k for k in range(latest + 1) if due[k] <= t), default=None)
-        assert newest(inbox) == expected
-        numbers.append(expected)
-    assert numbers[-1] == 59
-
-
 def test_each_fate_is_reported_once_with_its_delay_and_a_negative_one_for_a_loss():
     inbox = inbox_of(LOSSY, senders=2)
     links = [Link(0, f"s{s}", "me", LOSSY) for s in (0, 1)]
@@ -208,13 +177,6 @@ def test_each_fate_is_reported_once_with_its_delay_and_a_negative_one_for_a_loss
             )
     assert sorted(fates, key=lambda f: (f.sender, f.k)) == expected
     assert any(f.delay < 0 for f in fates)
-
-
-def test_senders_do_not_disturb_one_another():
-    inbox = inbox_of(model(), senders=3)
-    inbox.put(1, broadcast(0))
-    inbox.advance(upto(-1, 0, -1), 1.0)
-    assert set(inbox.received) == {1}
 
 
 def test_broadcasts_are_delivered_once_each_in_the_order_of_their_senders():

@@ -37,21 +37,6 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
 
 
 @pytest.mark.slow
-def test_the_log_says_when_a_pair_is_safe_again():
-    """An agent that starts within an obstacle's clearance gets out of it."""
-    intruder = group("intruder", "normal", [[0.0, 2.1]], "track-velocity")
-    pushed = swarm_table(intruder, **LINE | {"safety": {"eta": 4.0}})
-    run = phalanx.run(phalanx.load(pushed), engine="in-process")
-    (violation,) = run.summary.violations
-    lines = run.events.filter(run.events["text"].str.contains("safe"))
-    assert lines["text"].to_list() == [
-        "intruder-obstacle 0 left the safe set",
-        "intruder-obstacle 0 is safe again",
-    ]
-    assert lines["t"][1] == pytest.approx(violation.first + violation.duration, abs=0.02)
-
-
-@pytest.mark.slow
 def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
     """Steps with empty K_i that kept the nominal input are none."""
     scenario = phalanx.load("unicycles", {"duration": 0.5, "safety.eta": 40.0})

@@ -90,12 +90,6 @@ def test_only_agents_that_may_be_in_sight_by_now_are_required():
     assert ahead.required([0]) == []
 
 
-def test_with_unlimited_sensing_all_are_required():
-    *_, ahead = both(radius=np.inf)
-    ahead.begin_unknown(3)
-    assert ahead.required([0]) == [3]
-
-
 @pytest.mark.parametrize("radius", [0.0, 100.0])
 def test_an_agent_that_has_not_moved_is_required_by_its_position(radius):
     *_, ahead = both(radius)

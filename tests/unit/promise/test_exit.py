@@ -104,25 +104,6 @@ def test_a_slower_pursuer_never_hits_and_the_promise_is_for_ever():
     assert summary.origins["fallback"] > 20
 
 
-@pytest.mark.nightly
-def test_double_integrators_with_drag_leave_too():
-    drag = {"type": "double-integrator", "acceleration": 4.0, "drag": 1.0, "dimension": 2}
-    slower = {"type": "double-integrator", "acceleration": 0.8, "drag": 1.0, "dimension": 2}
-    table = {
-        "agents__0__dynamics": drag,
-        "agents__0__law": {"type": "track", "gains": [1.0, 2.0]},
-        "agents__0__start": [[0.0, -2.5, 1.0, 0.0], [0.0, 2.5, 1.0, 0.0]],
-        "agents__1__dynamics": slower,
-        "agents__1__law": {"type": "chase", "gains": [1.0, 2.0]},
-        "agents__1__start": [[-6.0, 0.0, 0.0, 0.0]],
-        "safety__alpha": [2.0, 2.0],
-    }
-    summary = simulate(scenario(**LEAVING | table, duration=4.0))
-    assert summary.violations == []
-    assert summary.promise.kept
-    assert summary.promise.for_ever == 5
-
-
 def test_in_the_moving_frame_a_point_has_less_of_its_inputs_and_its_speed_less_w():
     dynamics = {"type": "double-integrator", "acceleration": 4.0, "drag": 0.5, "dimension": 2}
     swarm = build_swarm(
