@@ -339,12 +339,28 @@ def test_the_product_is_no_larger_than_the_law_of_sizes():
     """41 000 lines and 290 files, and what later issues were given: X, N, E, V, U, W and Y."""
     lines, files = lines_by_room(), list(files_of_the_product())
     rooms = [room for room in lines if (ROOT / "phalanx" / room).is_dir()]
-    tests = sum(len(f.read_text("utf-8").splitlines()) for f in (ROOT / "tests").rglob("*.py"))
-    share = tests / lines.total()
-    print(f"{lines.total()} lines, {len(files)} files, {len(rooms)} rooms, {share:.3f} of tests")
+    print(f"{lines.total()} lines, {len(files)} files, {len(rooms)} rooms")
     assert lines.total() <= 41_000 + 300 + 1_500 + 400 + 3_000 + 1_000 + 900 + 300
     assert len(files) <= 342
     assert len(rooms) <= 18
+
+
+def lines_of(*folders: Path) -> int:
+    """Lines of all sources in these folders."""
+    files = {file for folder in folders for file in folder.rglob("*") if file.suffix in LANGUAGES}
+    return sum(len(file.read_text("utf-8").splitlines()) for file in files)
+
+
+def test_there_are_at_most_eight_lines_of_test_for_ten_of_what_they_test():
+    packages = [(f / "tests", f / f"phalanx_{f.name[8:]}") for f in ROOT.glob("packages/phalanx-*")]
+    beside = lines_of(*(tests for tests, _ in packages)), lines_of(*(own for _, own in packages))
+    shares = {
+        "product": lines_of(ROOT / "tests") / lines_by_room().total(),
+        "packages": beside[0] / beside[1],
+    }
+    print({of: f"{share:.3f}" for of, share in shares.items()})
+    assert beside[1] > 9_000
+    assert {of: share for of, share in shares.items() if share > 0.8} == {}
 
 
 def test_no_room_is_larger_than_its_budget():
