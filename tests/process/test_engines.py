@@ -35,34 +35,8 @@ VARIANTS = {
         "network.rate": {"bits_per_second": 2e5, "limit": 10},
         "network.slot": 0.005,
     },
-    "faults of a time": {
-        "faults": [
-            {"kind": "partition", "at": 0.2, "for": 0.4, "groups": [["1", "4"]]},
-            {"kind": "partition", "at": 0.9, "for": 0.2, "shape": "ring"},
-            {"kind": "hold", "at": 0.6, "for": 0.3, "from": "2"},
-            {"kind": "link", "at": 1.1, "for": 0.3, "loss": 0.5, "delay": 0.01},
-        ]
-    },
-    "sensors and actuators": {
-        "safety.neighbourhood": 4.7,
-        "network.sample.loss": {"mean": 0.1, "burst": 2.0},
-        "network.actuation": {"loss": 0.1, "delay": {"low": 0.0, "high": 0.015}},
-        "faults": [{"kind": "hold", "of": "actuation", "from": "2", "at": 0.5, "for": 0.2}],
-    },
-    "lies": {
-        "faults": [
-            {"kind": "lie", "agent": "2", "at": 0.2, "for": 0.4, "says": "opposite"},
-            {"kind": "lie", "agent": "3", "at": 0.1, "for": 0.4, "equivocate": True},
-            {"kind": "lie", "agent": "1", "at": 0.1, "for": 0.4, "replay": 5, "to": ["2"]},
-            {"kind": "lie", "agent": "1", "at": 0.3, "for": 0.4, "apply_time": 0.01},
-            {"kind": "lie", "agent": "2", "at": 0.5, "for": 0.2, "silent": True, "to": ["1"]},
-        ]
-    },
     "latency": {"time.latency": 0.004, "safety.information": "in-flight"},
     "one controller": {"safety.control": "centralised"},
-    "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},
-    "undeclared adversaries": {"safety.information": "unknown"},
-    "proven inputs": {"safety.prove": True, "safety.information": "in-flight"},
     "agents that come and go": {"safety.neighbourhood": 4.7, "agents.1.sensing": 7.6},
     "another seed on the way": {
         "network.loss": {"mean": 0.3, "burst": 3.0},
@@ -73,8 +47,8 @@ VARIANTS = {
     "attacks by a script": {
         "agents.1.law": {"type": "script", "at": [0.0, 0.4], "inputs": [[2.0, -1.0], [2.0, 1.0]]}
     },
-    "adverse disturbances": {"agents.0.disturbance.kind": "adverse"},
 }
+"""What no shipped scenario has."""
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")

@@ -1,7 +1,6 @@
 """The example of docs/your-own.md, taken from the page as it stands."""
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -298,17 +297,6 @@ def calm(failing, monkeypatch):
     monkeypatch.chdir(failing)
 
 
-# It waits out most of a timeout that a busy machine keeps.
-HANGS_IN_A_PROCESS = pytest.param("processes", marks=pytest.mark.nightly)
-
-
-def on_both_engines(failures: Iterable[str]) -> list[object]:
-    """Return each way to fail with each engine; with processes only the first is not nightly."""
-    alone = [(how, "in-process") for how in failures]
-    first, *others = [(how, "processes") for how in failures]
-    return [*alone, first, *(pytest.param(*each, marks=pytest.mark.nightly) for each in others)]
-
-
 def broken_as(words: str, overrides: dict, engine: str) -> None:
     # With processes the agent is to say so before the plant gives it up, on a busy machine too.
     timeout = 2.0 if engine == "in-process" else 20.0
@@ -322,24 +310,26 @@ def broken_as(words: str, overrides: dict, engine: str) -> None:
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize(("how", "engine"), on_both_engines(LAWS))
+@pytest.mark.parametrize(
+    ("how", "engine"), [*((how, "in-process") for how in LAWS), ("nan", "processes")]
+)
 def test_a_law_that_fails_in_a_run_ends_it_at_once_by_name(calm, how, engine):
     broken_as(LAWS[how], {"agents.0.law.how": how}, engine)
 
 
 @pytest.mark.swarm
-@pytest.mark.parametrize(("how", "engine"), on_both_engines(RULES))
+@pytest.mark.parametrize(
+    ("how", "engine"), [*((how, "in-process") for how in RULES), ("nothing", "processes")]
+)
 def test_a_rule_that_fails_in_a_run_ends_it_at_once_by_name(calm, how, engine):
     rule = {"type": "failing:Rain", "how": how}
     broken_as(RULES[how], {"network.rules": [rule]}, engine)
 
 
-@pytest.mark.swarm
-@pytest.mark.parametrize("engine", ["in-process", HANGS_IN_A_PROCESS])
-def test_a_rule_within_a_robot_that_does_not_return_ends_the_run_too(calm, engine):
+def test_a_rule_within_a_robot_that_does_not_return_ends_the_run_too(calm):
     rules = [{"type": "failing:Rain", "how": "hangs"}]
     words = "a robot's own link: rule rules.0 failed at message 5 from "
-    broken_as(words, {"network.sample.rules": rules}, engine)
+    broken_as(words, {"network.sample.rules": rules}, "in-process")
 
 
 @pytest.mark.parametrize("link", ["network", "network.sample", "network.actuation", "faults"])

@@ -47,14 +47,6 @@ def test_no_true_value_is_beyond_an_end(name, a, b, share):
     holds_all_true_values(name, a, b, share)
 
 
-@pytest.mark.nightly
-@operations
-@given(a=boxes, b=boxes, share=st.floats(0, 1))
-@settings(max_examples=300, deadline=None)
-def test_of_many_boxes_no_true_value_is_beyond_an_end(name, a, b, share):
-    holds_all_true_values(name, a, b, share)
-
-
 def holds_all_true_values(name, a, b, share):
     operation = OPERATIONS[name]
     sides = [a, b][: operation.arguments]

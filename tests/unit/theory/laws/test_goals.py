@@ -45,12 +45,6 @@ def test_a_path_is_passed_at_its_speed_and_then_rests():
     assert not path.goal(sight(4.0)).velocity.any()
 
 
-@given(t=st.floats(0.0, 3.49), speed=st.floats(0.1, 10.0))
-def test_a_paths_velocity_has_its_speed(t, speed):
-    goal = PathAtSpeed(CORNER, speed).goal(sight(t * 2.0 / speed))
-    assert np.linalg.norm(goal.velocity) == pytest.approx(speed)
-
-
 def test_waypoints_are_reached_at_their_times():
     timed = Waypoints(CORNER, times=(1.0, 2.0, 4.0))
     at = {0.0: [0.0, 0.0], 1.5: [1.5, 0.0], 2.0: [3.0, 0.0], 3.0: [3.0, 2.0], 9.0: [3.0, 4.0]}

@@ -122,17 +122,6 @@ def test_a_box_has_its_edges():
     assert sorted(np.round(lengths, 9)) == [1.0] * 4 + [2.0] * 4 + [4.0] * 4
 
 
-def test_a_box_as_a_polygon_keeps_agents_about_as_far():
-    box = Box((1.0, -2.0), (4.0, 1.0), 0.5)
-    polygon = Polygon(((-1.0, -2.5), (3.0, -2.5), (3.0, -1.5), (-1.0, -1.5)), 0.5)
-    points = np.array([[1.0, 0.0], [5.0, -2.0], [4.0, -0.5], [-3.0, -5.0]])
-    share = polygon.distances(points) / box.distances(points)
-    at_faces, at_corners = [1.03, 1.02], [0.85, 0.85]
-    np.testing.assert_allclose(share, at_faces + at_corners, atol=0.01)
-    assert polygon.center == box.center
-    assert len(polygon.edges()) == 4
-
-
 def test_a_box_with_another_number_of_sides_is_refused():
     with pytest.raises(ValueError, match="size: expected 2 sides, got 3"):
         Box((0.0, 0.0), (1.0, 1.0, 1.0))
