@@ -1,0 +1,138 @@
+"""Run seven scenarios by radio beside two baselines and the truth, over losses of broadcasts.
+
+    python -m evidence.knowledge.showcases ROWS [SEEDS]
+
+`ROWS` keeps a line of JSON for each run: what is there is not run again. The truth is the same
+agents without a radio, who see all peers. All broadcasts take DELAY.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from phalanx_studies.statistics import clopper_pearson
+
+import phalanx
+from phalanx.launcher.run import Run
+
+DELAY = 0.05
+LOSSES = 0.0, 0.3, 0.7
+SHOWCASES: Mapping[str, Mapping[str, Any]] = {
+    "radio": {},
+    "crossing-radio": {},
+    "warehouse-radio": {},
+    "guaranteed-radio": {},
+    "formation3d-radio": {"duration": 60.0},
+    "swarm2d": {"agents.0.count": 12, "agents.0.radio": {"every": 5, "relays": 11}},
+    "fence": {"agents.0.radio": {"every": 10, "relays": 2}},
+}
+"""Scenarios, and what is set of them; the last two ship without a radio."""
+KINDS: Mapping[str, Mapping[str, str] | None] = {
+    "set, own parts": {},
+    "carried on, halves": {"belief": "carried-on", "rows": "halves"},
+    "newest, halves": {"belief": "newest", "rows": "halves"},
+    "truth": None,
+}
+Row = dict[str, Any]
+
+
+class Rows:
+    """Rows of runs, kept in a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        lines = path.read_text("utf-8").splitlines() if path.exists() else []
+        self._rows = {json.dumps(row["run"]): row for row in map(json.loads, lines)}
+
+    def __call__(self, name: str, overrides: Mapping[str, Any], seed: int) -> Row:
+        """Return the row of a run, which is made if it is not there."""
+        key = {"scenario": name, "overrides": dict(overrides), "seed": seed}
+        row = self._rows.get(json.dumps(key))
+        if row is None:
+            run = phalanx.run(phalanx.load(name, overrides, seed=seed), engine="in-process")
+            row = self._rows[json.dumps(key)] = {"run": key, **measured(run)}
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+        return row
+
+
+def measured(run: Run) -> Row:
+    """Return what a run showed."""
+    assert run.summary is not None
+    steps, swarm = run.recording.steps, run.metrics.row(-1, named=True)
+    ages = [age for step in steps for _, age in step.ages]
+    measures = "arrived", "arrival_time", "tracking_error_mean", "input_deviation_mean"
+    return {
+        "outcome": run.summary.outcome,
+        "worst": [run.summary.worst_pair, run.summary.worst_h],
+        "failed": [a.name for a in run.summary.theorem if a.failed],
+        "ages": np.percentile(ages, (50, 99)).tolist() if ages else None,
+        **{measure: swarm[measure] for measure in measures},
+    }
+
+
+def cells() -> Iterator[tuple[str, str, float, Mapping[str, Any]]]:
+    """Yield showcase, kind, loss and overrides of each cell."""
+    for (name, settings), loss, (kind, belief) in product(SHOWCASES.items(), LOSSES, KINDS.items()):
+        radio = None if belief is None else {**radio_of(name), **belief}
+        network = {"network.loss": loss, "network.delay": DELAY}
+        yield name, kind, loss, {**settings, "agents.0.radio": radio, **network}
+
+
+@cache
+def radio_of(name: str) -> Mapping[str, Any]:
+    """Return the radio of a showcase."""
+    radio = phalanx.load(name, SHOWCASES[name]).agents[0].radio
+    assert radio is not None
+    fields: Mapping[str, Any] = radio.model_dump(exclude_unset=True)
+    return fields
+
+
+def line(rows: Sequence[Row]) -> str:
+    """Return the line of one cell."""
+    outcomes = [row["outcome"] for row in rows]
+    counts = [outcomes.count(outcome) for outcome in ("guaranteed", "safe", "violated")]
+    low, high = clopper_pearson(counts[2], len(rows))
+    arrived = [row["arrived"] for row in rows]
+    times = [row["arrival_time"] for row in rows if row["arrival_time"] is not None]
+    ages = [row["ages"] for row in rows if row["ages"]]
+    old = " / ".join(f"{age:.2f}" for age in np.mean(ages, axis=0)) if ages else "–"
+    return " | ".join(
+        [
+            *map(str, counts),
+            f"{low:.2f} to {high:.2f}",
+            f"{sum(arrived)} of {len(rows)}" if None not in arrived else "–",
+            f"{np.mean(times):.1f}" if times else "–",
+            f"{np.mean([row['tracking_error_mean'] for row in rows]):.2f}",
+            f"{np.mean([row['input_deviation_mean'] for row in rows]):.2f}",
+            old,
+        ]
+    )
+
+
+def main() -> None:
+    """Run seed after seed, and print the table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("rows", type=Path)
+    arguments.add_argument("seeds", type=int, nargs="?", default=10)
+    chosen = arguments.parse_args()
+    rows, table = Rows(chosen.rows), dict[tuple[str, str, float], list[Row]]()
+    for seed, (*cell, overrides) in product(range(chosen.seeds), list(cells())):
+        name, kind, loss = cell
+        table.setdefault((name, kind, loss), []).append(rows(name, overrides, seed))
+    print(
+        "| scenario | beliefs and rows | loss | guaranteed | safe | violated | rate, 95 % |"
+        " all arrived | after, mean [s] | error [m] | effort | age, p50 / p99 [s] |"
+    )
+    print("|" + 12 * "---|")
+    for (name, kind, loss), of_cell in table.items():
+        print(f"| `{name}` | {kind} | {loss:g} | {line(of_cell)} |")
+
+
+if __name__ == "__main__":
+    main()
