@@ -1,14 +1,15 @@
-"""Run seven scenarios by radio beside two baselines and the truth, over losses of broadcasts.
+"""Run seven scenarios by radio, and with two baselines and the truth, over losses of broadcasts.
 
     python -m evidence.knowledge.showcases ROWS [SEEDS]
 
 `ROWS` keeps a line of JSON for each run: what is there is not run again. The truth is the same
-agents without a radio, who see all peers. All broadcasts take DELAY.
+agents without a radio, who see all peers, so that its runs are the same at any loss. All
+broadcasts take DELAY.
 """
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -18,34 +19,46 @@ import numpy as np
 from phalanx_studies.statistics import clopper_pearson
 
 import phalanx
-from phalanx.launcher.run import Run
+from phalanx.scenario.model import Scenario
 
 DELAY = 0.05
 LOSSES = 0.0, 0.3, 0.7
 SHOWCASES: Mapping[str, Mapping[str, Any]] = {
-    "radio": {},
-    "crossing-radio": {},
-    "warehouse-radio": {},
-    "guaranteed-radio": {},
-    "formation3d-radio": {"duration": 60.0},
-    "swarm2d": {"agents.0.count": 12, "agents.0.radio": {"every": 5, "relays": 11}},
+    "radio": {"duration": 20.0},
+    "crossing-radio": {"duration": 14.0},
+    "warehouse-radio": {"duration": 12.0},
+    "guaranteed-radio": {"duration": 12.0},
+    "formation3d-radio": {"duration": 40.0},
+    "swarm2d": {
+        "duration": 10.0,
+        "agents.0.count": 12,
+        "agents.0.radio": {"every": 5, "relays": 11},
+    },
     "fence": {"agents.0.radio": {"every": 10, "relays": 2}},
 }
 """Scenarios, and what is set of them; the last two ship without a radio."""
+TRUTH = "truth"
 KINDS: Mapping[str, Mapping[str, str] | None] = {
     "set, own parts": {},
     "carried on, halves": {"belief": "carried-on", "rows": "halves"},
     "newest, halves": {"belief": "newest", "rows": "halves"},
-    "truth": None,
+    TRUTH: None,
 }
+MEASURES = (
+    "arrived",
+    "arrival_time",
+    "tracking_error_mean",
+    "input_deviation_mean",
+    "deadlock_since",
+)
 Row = dict[str, Any]
 
 
 class Rows:
     """Rows of runs, kept in a file."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, measure: Callable[[Scenario], Row]) -> None:
+        self._path, self._measure = path, measure
         lines = path.read_text("utf-8").splitlines() if path.exists() else []
         self._rows = {json.dumps(row["run"]): row for row in map(json.loads, lines)}
 
@@ -54,31 +67,33 @@ class Rows:
         key = {"scenario": name, "overrides": dict(overrides), "seed": seed}
         row = self._rows.get(json.dumps(key))
         if row is None:
-            run = phalanx.run(phalanx.load(name, overrides, seed=seed), engine="in-process")
-            row = self._rows[json.dumps(key)] = {"run": key, **measured(run)}
+            measures = self._measure(phalanx.load(name, overrides, seed=seed))
+            row = self._rows[json.dumps(key)] = {"run": key, **measures}
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
         return row
 
 
-def measured(run: Run) -> Row:
-    """Return what a run showed."""
+def measured(scenario: Scenario) -> Row:
+    """Run a scenario, and return what that showed."""
+    run = phalanx.run(scenario, engine="in-process")
     assert run.summary is not None
     steps, swarm = run.recording.steps, run.metrics.row(-1, named=True)
     ages = [age for step in steps for _, age in step.ages]
-    measures = "arrived", "arrival_time", "tracking_error_mean", "input_deviation_mean"
     return {
         "outcome": run.summary.outcome,
         "worst": [run.summary.worst_pair, run.summary.worst_h],
         "failed": [a.name for a in run.summary.theorem if a.failed],
         "ages": np.percentile(ages, (50, 99)).tolist() if ages else None,
-        **{measure: swarm[measure] for measure in measures},
+        **{measure: swarm[measure] for measure in MEASURES},
     }
 
 
 def cells() -> Iterator[tuple[str, str, float, Mapping[str, Any]]]:
     """Yield showcase, kind, loss and overrides of each cell."""
     for (name, settings), loss, (kind, belief) in product(SHOWCASES.items(), LOSSES, KINDS.items()):
+        if kind == TRUTH and loss > 0.0:
+            continue
         radio = None if belief is None else {**radio_of(name), **belief}
         network = {"network.loss": loss, "network.delay": DELAY}
         yield name, kind, loss, {**settings, "agents.0.radio": radio, **network}
@@ -121,7 +136,7 @@ def main() -> None:
     arguments.add_argument("rows", type=Path)
     arguments.add_argument("seeds", type=int, nargs="?", default=10)
     chosen = arguments.parse_args()
-    rows, table = Rows(chosen.rows), dict[tuple[str, str, float], list[Row]]()
+    rows, table = Rows(chosen.rows, measured), dict[tuple[str, str, float], list[Row]]()
     for seed, (*cell, overrides) in product(range(chosen.seeds), list(cells())):
         name, kind, loss = cell
         table.setdefault((name, kind, loss), []).append(rows(name, overrides, seed))

@@ -1,0 +1,90 @@
+"""Measure the network effect by radio over loss, delay and period of broadcasts, in four scenarios.
+
+    python -m evidence.knowledge.effects ROWS [SEEDS]
+
+Partitions are left out. The last cell is the control: the same agents see all peers, over the worst
+of these networks. `ROWS` keeps a line of JSON for each run: what is there is not run again.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evidence.knowledge.showcases import Row, Rows, radio_of
+from phalanx.launcher.network_effect import network_effect
+from phalanx.scenario.model import Scenario
+
+DURATIONS = {
+    "radio": 6.0,
+    "crossing-radio": 8.0,
+    "warehouse-radio": 8.0,
+    "guaranteed-radio": 5.0,
+}
+CELLS: Mapping[str, tuple[float, float, float]] = {
+    "loss 0": (0.0, 0.05, 1.0),
+    "loss .3": (0.3, 0.05, 1.0),
+    "loss .7": (0.7, 0.05, 1.0),
+    "delay 0": (0.3, 0.0, 1.0),
+    "delay .2": (0.3, 0.2, 1.0),
+    "period / 2": (0.3, 0.05, 0.5),
+    "period x 2": (0.3, 0.05, 2.0),
+}
+"""Loss, delay [s], and the broadcast period as a multiple of the scenario's."""
+CONTROL = "own sensors"
+ABOVE = 0.01
+"""Steps above this share of U count."""
+
+
+def measured(scenario: Scenario) -> Row:
+    """Return mean effect, and the share of steps above ABOVE."""
+    effects = np.array([step.effect for step in network_effect(scenario)])
+    return {"mean": float(effects.mean()), "above": float((effects > ABOVE).mean())}
+
+
+def cells() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Yield scenario, cell and overrides of each cell."""
+    for (name, duration), (cell, (loss, delay, longer)) in product(
+        DURATIONS.items(), CELLS.items()
+    ):
+        radio = radio_of(name)
+        radio = {**radio, "every": max(1, int(longer * radio["every"]))}
+        network = {"network.loss": loss, "network.delay": delay, "faults": []}
+        yield name, cell, {"duration": duration, "agents.0.radio": radio, **network}
+    for name, duration in DURATIONS.items():
+        worst = {"network.loss": 0.7, "network.delay": 0.2, "faults": []}
+        yield name, CONTROL, {"duration": duration, "agents.0.radio": None, **worst}
+
+
+def span(values: Sequence[float]) -> str:
+    """Return the mean, and the range over seeds, in percent."""
+    low, mean, high = (100.0 * f(values) for f in (np.min, np.mean, np.max))
+    return f"{mean:.1f} ({low:.1f} to {high:.1f})" if high else "0"
+
+
+def main() -> None:
+    """Run seed after seed, and print the table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("rows", type=Path)
+    arguments.add_argument("seeds", type=int, nargs="?", default=5)
+    chosen = arguments.parse_args()
+    rows, table = Rows(chosen.rows, measured), dict[tuple[str, str], list[Row]]()
+    for seed, (name, cell, overrides) in product(range(chosen.seeds), list(cells())):
+        table.setdefault((name, cell), []).append(rows(name, overrides, seed))
+    heads = [*CELLS, CONTROL]
+    for key in ("mean", "above"):
+        print(f"\n| {key} [%] | {' | '.join(heads)} | .3 over 0, least |")
+        print("|" + (len(heads) + 2) * "---|")
+        for name in DURATIONS:
+            values = {cell: [row[key] for row in table[name, cell]] for cell in heads}
+            pairs = zip(values["loss .3"], values["loss 0"], strict=True)
+            least = min(lossy / clean if clean else np.inf for lossy, clean in pairs)
+            spans = " | ".join(span(values[cell]) for cell in heads)
+            print(f"| `{name}` | {spans} | {least:.2f} |")
+
+
+if __name__ == "__main__":
+    main()
