@@ -3,9 +3,9 @@
     python -m evidence.knowledge.hardships ROWS [SEEDS]
 
 Partitions of 2 and 5 s between halves of the swarm, an agent that dies and is replaced a second
-later, starts that agents do not know, and in `radio` a stranger who crosses: all others have adversaries
-already. Where agents stand at the end, all have `unstick` in another run. `ROWS` keeps a line of
-JSON for each run: what is there is not run again.
+later, starts that agents do not know, and in `radio` a stranger who crosses: all others have
+adversaries already. Where agents stand at the end, all have `unstick` in another run. `ROWS` keeps
+a line of JSON for each run: what is there is not run again.
 """
 
 import argparse
