@@ -17,6 +17,7 @@ from phalanx.guarantee.formula import (
     workspace,
     worst_pair,
 )
+from phalanx.guarantee.impossible import impossible
 from phalanx.guarantee.kept_distance import kept_distances
 from phalanx.guarantee.promise import grades
 from phalanx.guarantee.proof_gaps import proof_gaps
@@ -100,6 +101,7 @@ def check(
         certified=certified,
         promised=promise,
         grades=grades(swarm),
+        impossible=impossible(swarm),
         kept_distance=kept_distances(rows),
         radio=radio_reach(swarm),
     )

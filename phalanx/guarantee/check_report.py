@@ -6,6 +6,7 @@ from html import escape
 from typing import NamedTuple
 
 from phalanx.guarantee.formula import Formula
+from phalanx.guarantee.impossible import Impossible
 from phalanx.guarantee.kept_distance import KeptDistance
 from phalanx.guarantee.promise import Grades
 from phalanx.guarantee.radio_reach import RadioReach
@@ -87,6 +88,8 @@ class CheckReport:
     """The time for which all pairs are safe, proven before a run."""
     grades: Grades = Grades()  # noqa: RUF009
     """What is promised of pairs before a run, if agents keep fallbacks."""
+    impossible: Impossible = Impossible()  # noqa: RUF009
+    """What no rule can promise."""
     kept_distance: KeptDistance | None = None
     """At rest before one another; None if it is not known."""
     radio: RadioReach | None = None

@@ -44,8 +44,10 @@ def findings(
         unknown: what could not be computed.
         efforts: where rows read no roles, the mean ‖u - u_nom‖ at x(0), and with halves of pairs.
     """
+    ahead = report.promised
     return [
-        Finding(None, [str(report.promised), *report.grades.sentences(swarm.safety.committed)]),
+        Finding(None, [str(ahead), *report.grades.sentences(swarm.safety.committed, ahead.times)]),
+        Finding(None, report.impossible.sentences),
         Finding(None, _foreign_world(swarm)),
         Finding(Requirement("relative degree q", str(report.relative_degree), "any", "", True)),
         *_start(swarm, report),

@@ -6,19 +6,16 @@ agent hits no other while it moves by itself, though it may be hit once it stand
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.promise.capsules import Capsules, joined
-from phalanx.promise.reach import Reach
-from phalanx.swarm.committed import committed_point, flights_of, reach_of
+from phalanx.swarm.committed import flights_of, reach_of
 from phalanx.swarm.flight import keeper
 from phalanx.swarm.keep import Keeper, Refusal, refusals_of
-from phalanx.swarm.points import MovedByVelocity
-from phalanx.swarm.swarm import DEFECT, Swarm
+from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 
 _MOST = 6
@@ -38,17 +35,19 @@ class Grades(NamedTuple):
     """By pair the number that is short, and the value that would do."""
     refusals: tuple[str, ...] = ()
     """What keeps whole agents from any promise."""
-    leaving: str = ""
-    """Why no promise to leave is possible either, where an agent cannot hold a place."""
     sides: frozenset[tuple[int, int]] = frozenset()
     """Agents that are promised not to hit a member themselves: (agent, member)."""
 
-    def sentences(self, committed: bool) -> list[str]:
-        """Return what is promised; committed: whether agents keep the rule in a run."""
+    def sentences(self, committed: bool, proven: Mapping[str, float]) -> list[str]:
+        """Return what is promised, the strongest first.
+
+        Args:
+            committed: whether agents keep the rule in a run.
+            proven: by pair the time for which it is safe under any filter [s].
+        """
         if self.refusals and not self.for_ever and not self.passively:
             short = [why for why in self.refusals if why.startswith("disturbance.bound")]
-            words = [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
-            return words + ([self.leaving] if words and self.leaving else [])
+            return [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
         with_rule = "" if committed else "With safety.keep = 'hold': p"
         promise = f"{with_rule or 'P'}romised before the run, under any filter and network: "
         parts = [
@@ -62,11 +61,12 @@ class Grades(NamedTuple):
                 "Passively: an agent hits no other while it moves by itself, whatever attacks; one "
                 "that stands may be hit."
             )
-        lacking = [f"{pair}: {why}" for pair, why in self.short.items()]
-        if lacking:
-            more = f"; {len(lacking) - _MOST} more" if len(lacking) > _MOST else ""
-            words.append(f"Not promised: {'; '.join(lacking[:_MOST])}{more}.")
-        return words
+        lacking = [
+            f"{pair}: {why}"
+            + (f", safe for {math.floor(1e3 * proven[pair]) / 1e3:.3f} s" if pair in proven else "")
+            for pair, why in self.short.items()
+        ]
+        return words + ([f"Not promised: {_first(lacking)}."] if lacking else [])
 
 
 def grades(swarm: Swarm) -> Grades:
@@ -76,10 +76,7 @@ def grades(swarm: Swarm) -> Grades:
         if found := refusals_of(swarm, i):
             refusals[i] = found[0]
     if refusals:
-        return Grades(
-            refusals=tuple(dict.fromkeys(map(str, refusals.values()))),
-            leaving=_no_exit(swarm, next(iter(refusals))),
-        )
+        return Grades(refusals=tuple(dict.fromkeys(map(str, refusals.values()))))
     keepers = {i: keeper(swarm, i) for i in swarm.normal}
     distances, passive, to_obstacles = _Spare(), _Spare(), _Spare()
     everyone = np.arange(len(swarm.members))
@@ -123,36 +120,6 @@ def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spa
     return Grades(tuple(for_ever), tuple(passively), short, sides=sides)
 
 
-def _no_exit(swarm: Swarm, i: int) -> str:
-    """Return that an adversary is faster than agent i can leave, each with its disturbance.
-
-    It is empty where none is, and for dynamics that are not moved by velocities.
-    """
-    adversaries = [l for l, member in enumerate(swarm.members) if member.adversary]
-    members = [swarm.members[l].dynamics for l in (i, *adversaries)]
-    if not adversaries or not all(isinstance(model, MovedByVelocity) for model in members):
-        return ""
-    x, parts = swarm.start(), swarm.safe_set.parts
-    motion = committed_point(swarm, i).motion
-    assert isinstance(motion, VelocityMotion)
-    turns = motion.turning > 0.0
-    # Straight on, one that turns does not drive sideways.
-    straight = float(motion.velocities.corners[:, 0].max()) if turns else motion.fastest
-    speeds = {l: reach_of(swarm, l).for_ever(x[parts[l]])[1] for l in adversaries}
-    l = max(speeds, key=lambda l: speeds[l])
-    if straight - motion.disturbance > speeds[l]:
-        return ""
-    calm = Reach(reach_of(swarm, l).dynamics, 0.0).for_ever(x[parts[l]])[1]
-    bound = swarm.groups[i].disturbance.bound + DEFECT
-    both = (straight - calm) * bound / (motion.disturbance + speeds[l] - calm)
-    enough = f"at most {both:.3g} for both would do" if both > 0.0 else "no bound would do"
-    return (
-        f"Nor could a promise to leave be made: {swarm.names[l]} makes {speeds[l]:.3g} m/s with "
-        f"its disturbance, {swarm.names[i]} {straight - motion.disturbance:.3g} m/s straight on "
-        f"against its own; {enough}."
-    )
-
-
 def _reason(swarm: Swarm, l: int, spare: float) -> str:
     """Return what is short of a pair with member l."""
     if np.isfinite(spare):
@@ -177,6 +144,12 @@ def _gaps(tube: Capsules, others: Mapping[int, Capsules]) -> dict[int, float]:
 
 def _nothing(swarm: Swarm, i: int) -> Array:
     return np.zeros(len(swarm.members[i].dynamics.inputs))
+
+
+def _first(reasons: Sequence[str]) -> str:
+    """Return the first reasons, and how many more there are."""
+    more = f"; {len(reasons) - _MOST} more" if len(reasons) > _MOST else ""
+    return f"{'; '.join(reasons[:_MOST])}{more}"
 
 
 def _listed(pairs: tuple[str, ...]) -> str:

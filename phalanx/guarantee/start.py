@@ -7,7 +7,7 @@ network.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -18,7 +18,7 @@ from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.runnable import first_nominal
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.arrays import Array, Index
+from phalanx.theory.arrays import Array, Index, Mask
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.models.polytope import Polytope, constant_polytope
@@ -134,6 +134,8 @@ class Promise(NamedTuple):
     """[s]; 0 if nothing is proven, at most the run's duration."""
     pair: str
     """Label of a pair that may be unsafe soon after; empty if there is none."""
+    times: Mapping[str, float] = {}
+    """The same of each pair of which less than the run is proven, by its label."""
 
     def __str__(self) -> str:
         """Return the promise as a sentence."""
@@ -149,22 +151,23 @@ class Promise(NamedTuple):
 
 def promised(swarm: Swarm) -> Promise:
     """Return the time that is promised from x(0) on. A pair without a bound makes it 0."""
-    unproven, safe, unknown = _unproven(swarm, swarm.start()), 0.0, swarm.scenario.duration
-    first = unproven(unknown)
-    if not len(first):
-        return Promise(unknown, "")
+    proven, duration = _proven(swarm, swarm.start()), swarm.scenario.duration
+    safe = np.zeros(len(swarm.safe_set.pairs))
+    unknown = safe + duration
+    short = np.flatnonzero(~proven(unknown))
+    if not len(short):
+        return Promise(duration, "")
     for _ in range(_HALVINGS):
         middle = 0.5 * (safe + unknown)
-        pairs = unproven(middle)
-        if len(pairs):
-            first, unknown = pairs, middle
-        else:
-            safe = middle
-    return Promise(safe, swarm.safe_set.label(swarm.safe_set.pairs[int(first[0])]))
+        holds = proven(middle)
+        safe, unknown = np.where(holds, middle, safe), np.where(holds, unknown, middle)
+    times = {swarm.safe_set.label(swarm.safe_set.pairs[k]): float(safe[k]) for k in short.tolist()}
+    first = min(times, key=lambda pair: times[pair])
+    return Promise(times[first], first, times)
 
 
-def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
-    """Return time [s] -> the pairs for which h <= 0 is not proven up to it; x: x(0), (n̄,)."""
+def _proven(swarm: Swarm, x: Array) -> Callable[[Array], Mask]:
+    """Return times [s] -> the pairs for which h <= 0 is proven up to them, (p,); x: x(0), (n̄,)."""
     certificates, time = SwarmCertificates(swarm), ca.SX.sym("T")
     ends, sorts, numbers = certificates.ends, swarm.pair_sorts, swarm.pairs.numbers(x)
     bounds = list[tuple[Index, MappedFunction, Index]]()
@@ -175,16 +178,16 @@ def _unproven(swarm: Swarm, x: Array) -> Callable[[float], Index]:
         within = highest_within(alone, certificates.bounds(alone), time)
         highest = MappedFunction([alone.x, alone.parameters, time], [within])
         indices = spread(swarm.pairs.begin, ends[pairs], alone.sizes)
-        with_time = np.insert(indices, indices.shape[1], len(numbers), axis=1)
+        with_time = np.column_stack([indices, len(numbers) + pairs])
         bounds.append((pairs, highest, with_time))
 
-    def unproven(until: float) -> Index:
-        values, indices = np.append(numbers, until), [np.empty(0, dtype=np.intp)]
+    def proven(until: Array) -> Mask:
+        values, holds = np.append(numbers, until), np.zeros(len(ends), dtype=bool)
         for pairs, highest, variables in bounds:
-            indices.append(pairs[~(highest(values, variables)[:, 0] <= 0.0)])
-        return np.sort(np.concatenate(indices))
+            holds[pairs] = highest(values, variables)[:, 0] <= 0.0
+        return holds
 
-    return unproven
+    return proven
 
 
 class CertifiedStart(NamedTuple):

@@ -63,7 +63,7 @@ def test_the_bound_of_a_kind_of_pair_is_built_once_for_all_times(monkeypatch):
 
 def test_nothing_is_promised_from_an_unsafe_start():
     promise = ahead("one-on-one", agents__1__start=[[0.0, -0.9]])
-    assert promise == Promise(0.0, "1-2")
+    assert promise == Promise(0.0, "1-2", {"1-2": 0.0})
     assert str(promise).startswith("Nothing is promised ahead: no time is proven for 1-2")
 
 
@@ -71,7 +71,8 @@ def test_the_nearest_of_many_pairs_counts():
     starts = [[9.0, 0.0], [0.0, 2.0], [-9.0, 0.0], [0.0, -9.0]]
     promise = ahead("surrounded", agents__1__start=starts)
     assert promise.pair == "1-3"
-    assert promise.time == pytest.approx(0.5, abs=1e-3)
+    assert promise.time == promise.times["1-3"] == pytest.approx(0.5, abs=1e-3)
+    assert promise.times == {"1-3": promise.time}
 
 
 @pytest.mark.parametrize("file", ATTACKS, ids=[file.stem for file in ATTACKS])
