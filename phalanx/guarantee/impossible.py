@@ -1,4 +1,4 @@
-"""What no rule can promise: that an agent gets away from an adversary that is faster than it."""
+"""Proofs that no rule can promise a pair: that an agent gets away from an adversary that is faster than it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ _BISECTIONS = 11
 
 
 class Impossible(NamedTuple):
-    """What is impossible from x(0), with the numbers that show it."""
+    """Impossibilities from x(0), with the numbers that show them."""
 
     exit: str = ""
     """A sentence; empty where agents can leave, or nothing is known of it."""
@@ -84,17 +84,17 @@ def _no_exit(swarm: Swarm, i: int) -> str:
         for model in models.values()
     ):
         return ""
-    own = swarm.groups[i].disturbance.bound
+    bound_of_i = swarm.groups[i].disturbance.bound
     speeds = {l: _chasing(swarm, l, swarm.groups[l].disturbance.bound) for l in models if l != i}
     l, motion = max(speeds, key=lambda l: speeds[l]), built_point(swarm, i, DEFECT).motion
     if _leaves(motion, speeds[l]):
         return ""
 
     def outruns(bound: float) -> bool:
-        pushed = built_point(swarm, i, bound - own + DEFECT).motion
+        pushed = built_point(swarm, i, bound - bound_of_i + DEFECT).motion
         return _leaves(pushed, _chasing(swarm, l, bound))
 
-    leaving, bound = _largest(speeds[l], partial(_leaves, motion)), _largest(own, outruns)
+    leaving, bound = _largest(speeds[l], partial(_leaves, motion)), _largest(bound_of_i, outruns)
     enough = f"at most {bound:.3g} for both would do" if bound > 0.0 else "no bound would do"
     return (
         f"Impossible by exit: {swarm.names[l]} makes {speeds[l]:.3g} m/s with its disturbance, "

@@ -26,7 +26,7 @@ _BISECTIONS = 60
 
 
 class Capture(NamedTuple):
-    """What one member can do to another.
+    """Bounds on what one member can do to another.
 
     >>> slow, fast = SingleIntegrator(speed=1.0), SingleIntegrator(speed=2.0)
     >>> round(capture(slow, fast, phi=0.0).closing, 3)

@@ -1,4 +1,4 @@
-"""What outruns an agent has come too near by the time that is said, whatever it does."""
+"""A pursuer that outruns an agent has come too near by the time that is said, whatever it does."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def model(of: dict, bound: float, dimension: int = 2):
 
 
 def unsafe_at(of: dict, bounds: tuple[float, float], x: np.ndarray, flee) -> float:
-    """When a pursuer that aims along s, helped by both disturbances, is within R."""
+    """The time at which a pursuer that aims along s, helped by both disturbances, is within R."""
     drag, (r, w), t = of.get("drag"), x.reshape(2, 2).copy(), 0.0
     while np.linalg.norm(r) > RADIUS:
         s = r + w / drag if drag else r
@@ -50,7 +50,7 @@ def test_no_way_of_fleeing_takes_longer(of, bounds):
     assert times[0] > 0.5 * latest[0]
 
 
-def test_nothing_is_shown_of_one_that_is_outrun_nor_of_other_drags():
+def test_nothing_is_captures_of_one_that_is_outrun_nor_of_other_drags():
     slow, fast = (model(POINT, bound) for bound in (1.0, 2.0))
     assert capture(fast, slow, 1.0).time(np.array([9.0, 0.0]), np.zeros(2), RADIUS) == np.inf
     assert capture(fast, slow, 1.0).outrun == pytest.approx(np.sqrt(2.0))
@@ -59,9 +59,9 @@ def test_nothing_is_shown_of_one_that_is_outrun_nor_of_other_drags():
 
 
 def test_at_the_printed_disturbance_no_agent_of_simulation_2_gets_away():
-    shown = impossible(swarm_of_scenario("formation3d"))
-    assert len(shown.times) == 16
-    assert min(shown.times.values()) == pytest.approx(106.744, abs=1e-3)
-    exit_, for_ever = shown.sentences
+    captures = impossible(swarm_of_scenario("formation3d"))
+    assert len(captures.times) == 16
+    assert min(captures.times.values()) == pytest.approx(106.744, abs=1e-3)
+    exit_, for_ever = captures.sentences
     assert "4 makes 5.12 m/s with its disturbance, 0 2.85" in exit_
     assert "4 closes at 0.171 m/s or more, with the disturbances of both" in for_ever
