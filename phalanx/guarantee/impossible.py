@@ -1,4 +1,4 @@
-"""Proofs that no rule can promise a pair: that an agent gets away from an adversary that is faster than it."""
+"""Proofs that no agent gets away from an adversary that is faster than it, under any rule."""
 
 import math
 from collections.abc import Callable, Mapping
