@@ -230,8 +230,7 @@ class Scenario(Strict):
             "safety.control = 'distributed'": safety.centralised,
             "safety.composition = 'pairs'": not safety.pairwise,
             "safety.information = 'split'": not safety.information_model.shares,
-            "safety.prove = false": safety.prove,
-            "safety.watch = false": safety.watch,
+            **{f"safety.{mode} = false": True for mode in sorted(safety.modes - {"keep"})},
             "no time.latency": self.time.latency > 0.0,
         }
         if group.radio is not None and (needed := [name for name, bad in unfit.items() if bad]):

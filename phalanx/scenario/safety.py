@@ -97,7 +97,6 @@ class Safety(Strict):
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
-
     keep: KeepField | None = None
     """The fallback that agents always keep, so that pairs can be promised: hold, to stop and keep a
     place; { exit = [vx, vy] }, to move on for ever with one velocity that all share [m/s]; flight,
@@ -174,6 +173,11 @@ class Safety(Strict):
     def information_model(self) -> type[Information]:
         """Assumptions of rows on the other normal agents' inputs."""
         return Together if self.centralised else self._named
+
+    @property
+    def modes(self) -> frozenset[str]:
+        """The parts of agents that are on, by their fields."""
+        return frozenset(field for field in ("keep", "prove", "watch") if getattr(self, field))
 
     @property
     def committed(self) -> bool:

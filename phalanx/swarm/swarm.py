@@ -294,8 +294,8 @@ class Swarm:
     @property
     def origins(self) -> list[Origin]:
         """The origins that inputs of normal agents may have."""
-        safety = self.safety
-        return origins_of_normal(self.controllers, safety.prove, self.by_radio, safety.committed)
+        of_agents = {"controller": self.controllers, "radio": self.by_radio}
+        return origins_of_normal(self.safety.modes.union(k for k, on in of_agents.items() if on))
 
     def goal(self, i: int) -> AgentGoal:
         """Build agent i's goal; it may keep state, so that each controller has one of its own."""

@@ -37,7 +37,7 @@ def _reasons(rows: SafetyRows) -> Iterator[str]:
         yield f"it has more than {MOST_AGENTS} agents"
     if safety.centralised or swarm.controllers or any(g.filter for g in swarm.groups):
         yield "some agents have a controller of their own, or one for all"
-    if safety.prove or safety.watch or safety.committed:
+    if safety.modes:
         yield "agents prove, watch or keep a fallback"
     if swarm.by_radio:
         yield "agents know one another by radio"

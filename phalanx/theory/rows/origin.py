@@ -1,5 +1,6 @@
 """The origin of an agent's input: QP, backup, attack, or another controller."""
 
+from collections.abc import Collection, Mapping
 from enum import StrEnum
 
 
@@ -39,23 +40,21 @@ OF_NO_ROWS = (*EMPTY, Origin.LONGEST, Origin.FALLBACK)
 OF_CONTROLLERS = (Origin.CONTROLLER, Origin.PROJECTED)
 """The origins of inputs that no row made: nothing is known of K_i."""
 
-
 OF_PROOFS = (Origin.PROVEN, Origin.LONGEST)
 """The origins of inputs that replaced one certified for too short a time."""
 
+OF_MODES: Mapping[str, tuple[Origin, ...]] = {
+    "controller": OF_CONTROLLERS,
+    "radio": (Origin.BRAKE,),
+    "prove": OF_PROOFS,
+    "keep": (Origin.FALLBACK,),
+}
+"""The origins that only runs with a mode have: a field of the agents or of [safety]."""
 
-def origins_of_normal(
-    controllers: bool, proofs: bool = False, radio: bool = False, fallbacks: bool = False
-) -> list[Origin]:
-    """Return the origins that inputs of normal agents may have.
 
-    controllers: some have a controller of their own. proofs: agents prove their inputs. radio: some
-    know others by radio. fallbacks: they keep one.
-    """
-    absent = {Origin.ATTACK} if controllers else {Origin.ATTACK, *OF_CONTROLLERS}
-    absent |= set() if proofs else set(OF_PROOFS)
-    absent |= set() if radio else {Origin.BRAKE}
-    absent |= set() if fallbacks else {Origin.FALLBACK}
+def origins_of_normal(modes: Collection[str] = ()) -> list[Origin]:
+    """Return the origins that inputs of normal agents may have in a run with these modes."""
+    absent = {Origin.ATTACK}.union(*(OF_MODES[mode] for mode in OF_MODES if mode not in modes))
     return [origin for origin in Origin if origin not in absent]
 
 
