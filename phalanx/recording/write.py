@@ -206,7 +206,7 @@ class PackedWriter(Writer):
         times = [at for numbers in self._index.values() for at in numbers[::2]]
         chunk.message_start_time, chunk.message_end_time = min(times), max(times)
         chunk.num_messages = len(times)
-        if not statistics.message_count or min(times) < statistics.message_start_time:
+        if not statistics.message_count:  # a run's first record is of its start
             statistics.message_start_time = min(times)
         statistics.message_end_time = max(statistics.message_end_time, max(times))
         statistics.message_count += len(times)
