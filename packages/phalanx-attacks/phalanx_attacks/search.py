@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 from phalanx_studies.row import (
@@ -123,7 +124,6 @@ class Search:
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
         self._targets = _targets(swarm)
-        self._target_number = 0
         self.unseen = set[_Key]()
         """Of the store's searched rows, those that no optimiser asked for yet."""
         self._rows_by_key: dict[_Key, Row] = {}
@@ -141,7 +141,8 @@ class Search:
         """Let an optimiser make its runs. Raises OSError."""
         history = History(optimiser)
         self.histories.append(history)
-        self._target_number = 0
+        self._turns = cycle(self._targets)
+        self.next_target()
         self._progress(history)
         with contextlib.suppress(_BudgetSpentError):
             OPTIMISERS[optimiser](self.space, self, self._options.seed, self._options.batch)
@@ -171,14 +172,13 @@ class Search:
 
     def next_target(self) -> None:
         """Choose the next target: the weakest pair of all, or of one adversary."""
-        self._target_number += 1
+        self._target = next(self._turns)
 
     def _cost(self, row: Row) -> float:
         robustness = robustness_of(row)
         if START in robustness:
             return robustness[START]
-        target = self._targets[self._target_number % len(self._targets)]
-        return min((v for pair, v in robustness.items() if pair in target), default=_NONE)
+        return min((v for pair, v in robustness.items() if pair in self._target), default=_NONE)
 
     def _try_again(self, find: Find) -> None:
         """Repeat a run on fresh seeds: it may need its own disturbances."""

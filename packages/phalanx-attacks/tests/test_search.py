@@ -223,6 +223,9 @@ def test_a_search_makes_no_more_runs_than_its_budget(scenario, tmp_path):
     (history,) = attacked.histories
     assert len(history.finds) == 2
     assert executor.done == 2 + history.refused + history.fresh
+    ((find, fresh),) = [(find, find.fresh) for _, find, _ in attacked.finds if find.fresh]
+    assert [(row.identity.seed, row.searched) for row in fresh] == [(1, False)]
+    assert find.row.searched, "and enters no interval"
     assert history.fresh == 1
     assert counts == sorted(counts)
     assert counts[0] == 0
@@ -270,18 +273,3 @@ def test_an_inadmissible_start_costs_without_a_run(tmp_path):
     assert history.finds == []
     assert history.refused == 20
     assert attacked.finds == []
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_the_best_is_tried_again_on_fresh_seeds_which_alone_may_enter_an_interval(
-    scenario, tmp_path
-):
-    attacked = searched(scenario, tmp_path / "out", budget=12, fresh=3, baseline=False)
-    tried = [find for _, find, _ in attacked.finds if find.fresh]
-    assert tried
-    for find in tried:
-        assert [row.identity.seed for row in find.fresh] == [1, 2, 3]
-        assert not any(row.searched for row in find.fresh)
-        assert find.row.searched
-        assert find.fresh_interval is not None
