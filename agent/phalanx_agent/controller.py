@@ -99,7 +99,7 @@ class RadioFilter(SafetyFilter, Protocol):
 
 
 class AgentController(Protocol):
-    """One agent's controller: its own, or its part of the centralised one."""
+    """Decides on one agent's inputs."""
 
     def __call__(
         self, x: Array, visible: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
@@ -109,7 +109,11 @@ class AgentController(Protocol):
         x is NaN for agents that are not in `visible`.
         """
 
-    def as_adversary(self) -> "AgentController":
+
+class FirstController(AgentController, Protocol):
+    """An agent's controller at first: its own, or its part of the centralised one."""
+
+    def as_adversary(self) -> AgentController:
         """Return the agent's controller after a command has made it an adversary."""
 
 
@@ -210,10 +214,6 @@ class AttackingController:
         """Decide, as an AgentController does."""
         return StepResult(*self._attack(x, visible, t), [])
 
-    def as_adversary(self) -> AgentController:
-        """Go on."""
-        return self
-
 
 class HijackedController:
     """An attack behind the broadcasts of the controller that it replaced."""
@@ -227,7 +227,3 @@ class HijackedController:
         """Decide, as an AgentController does."""
         claimed = self._honest(x, visible, t, received).decision.u
         return replace(self._attack(x, visible, t, received), claimed=claimed)
-
-    def as_adversary(self) -> AgentController:
-        """Attack openly."""
-        return self._attack

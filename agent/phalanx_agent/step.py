@@ -44,6 +44,7 @@ from phalanx_agent.clock import LOCKSTEP, Clock, clock_of
 from phalanx_agent.controller import (
     AgentController,
     DistributedController,
+    FirstController,
     HijackedController,
     StepResult,
 )
@@ -85,7 +86,7 @@ class ControlStep:
         self,
         rows: SafetyRows,
         i: int,
-        controller: AgentController | None = None,
+        controller: FirstController | None = None,
         membership: Membership = _AT_HOME,
     ) -> None:
         """controller: by default agent i's own. membership: of its program."""
@@ -119,7 +120,9 @@ class ControlStep:
         self._watch: Callable[..., list[Conviction]] | None = (
             part_of_agent("safety.watch")(swarm, i) if watches else None
         )
-        self._controller = controller or DistributedController(rows, i)
+        first = controller or DistributedController(rows, i)
+        self._controller: AgentController = first
+        self._as_adversary = first.as_adversary
 
     def accept_sample(self, sample: Sample) -> Accepted:
         """Validate and decode the next sample. Raises Malformed.
@@ -318,7 +321,7 @@ class ControlStep:
         self._commands = commands
         self.inbox.override_links(commands.loss, commands.delay)
         if turned:
-            honest, attack = self._controller, self._controller.as_adversary()
+            honest, attack = self._controller, self._as_adversary()
             self._controller = HijackedController(honest, attack) if commands.hidden else attack
 
 
@@ -328,7 +331,7 @@ def control_steps(
     """Make the steps of one process: an agent's own, or the controller's for all normal agents."""
     if name != CONTROLLER:
         return [ControlStep(rows, rows.swarm.names.index(name), membership=membership)]
-    part: Callable[[int], AgentController] = part_of_agent("safety.control")(rows).part
+    part: Callable[[int], FirstController] = part_of_agent("safety.control")(rows).part
     return [ControlStep(rows, i, part(i), membership) for i in rows.swarm.normal]
 
 

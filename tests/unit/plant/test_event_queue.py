@@ -143,11 +143,12 @@ def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
 
 def test_an_event_waits_no_longer_than_the_limit_for_others(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(event_queue, "_LONGEST", 0.0)
-    desk = Desk()
-    queue = queue_of(desk)
+    desk, calls = Desk(), list[float]()
+    queue = EventQueue(desk, reported, [desk.write], calls.append)
     queue.add([FIRST])
     queue.judge_batches()
     assert desk.seen == [FIRST]
+    assert len(calls) == 1, "status and frames are sent then"
 
 
 @pytest.mark.parametrize("scenario", layered(("unicycles", "swarm"), ("unicycles",)))

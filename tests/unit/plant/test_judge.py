@@ -24,6 +24,7 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
 from phalanx.network.inbox import AnnouncedInput, Conviction, DeliveryReport
 from phalanx.theory.models.wheeled import Unicycle
+from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import Origin
 from tests.unit.plant.runs import STEP, report
 from tests.unit.swarms import rows_of_scenario
@@ -249,7 +250,7 @@ def test_an_agent_whose_input_keeps_none_of_its_rows_had_an_empty_k_i(origin, fa
 
 
 @pytest.mark.slow
-def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
+def test_a_disturbance_beyond_its_bound_and_what_a_world_says_are_counted():
     judge = judge_of()
     phi = np.zeros(15)
     phi[3:6] = 1.73 / np.sqrt(3)
@@ -261,6 +262,8 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     assert counted(judge, "disturbance bound") == (2, 3, 0.2)
     most = "the most above was 3.46, of agent 2, at t = 0.200 s"
     assert assumption(judge, "disturbance bound").note.endswith(f"disturbance.bound; {most}")
+    judge.assumptions.add_piece(WorldNote(0.4, "it is late", "odometry"))
+    assert counted(judge, "odometry") == (1, 1, 0.4)
 
 
 def steps(times: list[float], h: list[float], psi: list[float] | None = None) -> EvaluatedSteps:
