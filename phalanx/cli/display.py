@@ -39,7 +39,7 @@ class TextTable(Table):
 
     def add_column(self, header: Any = "", *others: Any, **options: Any) -> None:
         """Add a column, as rich's table does."""
-        super().add_column(_as_text(header), *others, **options)
+        super().add_column(_as_text(header), *others, overflow="fold", **options)
 
     def add_row(self, *cells: Any, **options: Any) -> None:
         """Add a row, as rich's table does."""

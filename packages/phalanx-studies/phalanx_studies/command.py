@@ -185,9 +185,7 @@ def _print_rates(result: "Study") -> int:
     from phalanx.cli.display import TextTable
     from phalanx_studies.row import without_effect
 
-    table = TextTable(
-        *result.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"
-    )
+    table = TextTable(*result.axes, "runs", "guaranteed", "safe", "violated", "rate, 95 %", "other")
     guaranteed, safe = result.rates("guaranteed"), result.rates("safe")
     for point, rate in enumerate(result.rates("violated").iter_rows(named=True)):
         counts = guaranteed["guaranteed"][point], safe["safe"][point], rate["violated"]
@@ -195,7 +193,7 @@ def _print_rates(result: "Study") -> int:
             *(str(rate[axis]) for axis in result.axes),
             str(rate["runs"]),
             *map(str, counts),
-            f"{rate['low']:.3f} to {rate['high']:.3f}",
+            f"{rate['low']:.3g} to {rate['high']:.3g}",
             str(rate["runs"] - sum(counts)),
         )
     Console().print(table)
