@@ -6,6 +6,7 @@ from phalanx.faults.commands import Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.kinds import Message
 from phalanx.messages.step_report import AppliedStep
+from phalanx.network.inbox import Statement
 
 
 class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
@@ -76,6 +77,8 @@ class Frame(Message, frozen=True, kw_only=True):
     """Set by a command; null while the scenario's holds."""
     delay: float | None
     """[s], likewise."""
+    statements: tuple[tuple[int, Statement], ...] = ()
+    """By radio: agents, and what came to them since the frame before; each second all they know."""
 
 
 class Setup(Message, frozen=True, kw_only=True):

@@ -124,7 +124,7 @@ class PlantRun:
         start = self.judge.begin(StateReached(0.0, self.world.x, self.world.take_history()))
         self.trajectory = TrajectoryHash()
         self.publisher = Publisher(
-            swarm.names, start, self.judge.findings, commands, agents.publish_status, audience
+            swarm.names, start, self.judge, commands, agents.publish_status, audience
         )
         # They receive each judged event in this order.
         observers = [self.trajectory.add, self.publisher.see]

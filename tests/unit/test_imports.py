@@ -132,15 +132,15 @@ BUDGET: Mapping[str, int] = {
     "messages": 915,
     "native": 3070,
     "network": 1595,
-    "plant": 5840,
+    "plant": 5870,
     "promise": 800,
-    "recording": 2575,
+    "recording": 2585,
     "report": 2010,
     "scenario": 1696,
     "schema": 960,
     "swarm": 2620,
     "theory": 9309,
-    "viewer": 5045,
+    "viewer": 5080,
     "wire": 600,
 }
 EXTENSIONS = {
@@ -373,7 +373,7 @@ def test_no_room_is_larger_than_its_budget():
 # The aims of issue T alone were 14 500 lines for an agent and 21 800 for a run in this process; the
 # rest are knowledge by radio, promises, exact minimisers and whole runs in C.
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_150)]
+    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_250)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

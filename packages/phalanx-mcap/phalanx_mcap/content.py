@@ -8,7 +8,7 @@ from phalanx_viewer.scene.model import SceneModel
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.messages.step_report import QUANTITIES
-from phalanx.recording.curves.beliefs import Beliefs
+from phalanx.recording.curves.beliefs import RecordedBeliefs
 from phalanx.recording.curves.history import recorded_series
 from phalanx.recording.curves.series import Series, unit_of
 from phalanx.recording.read import Recording, steps_by_agent
@@ -50,7 +50,7 @@ class Content:
     def __init__(self, recording: Recording, model: SceneModel) -> None:
         self.recording, self.model, self.x = recording, model, recording.x
         self.poses = [model.kinematics.poses(x) for x in self.x]
-        self.radio = Beliefs(recording, model.swarm) if model.swarm.by_radio else None
+        self.radio = RecordedBeliefs(recording, model.swarm) if model.swarm.by_radio else None
         """What agents knew of one another; None where they see one another."""
         self.pairs, self.h = near_pairs(model.swarm, self.x)
         """Pairs that were the worst one of some agent, and their h, shape (s, r)."""
@@ -81,7 +81,7 @@ class Content:
             for i in self.radio.news:
                 yield self._ages(self.radio, i)
 
-    def _ages(self, radio: Beliefs, i: int) -> Numbers:
+    def _ages(self, radio: RecordedBeliefs, i: int) -> Numbers:
         """Return ages of what agent i knew; of itself NaN, so that all agents' have one type."""
         t, ages, names = np.array(radio.sampled[i]), radio.ages(i), self.model.names
         unknown = Series(t, np.full(len(t), np.nan))

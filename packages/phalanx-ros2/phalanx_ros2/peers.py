@@ -5,9 +5,9 @@ from phalanx_viewer.scene.model import SceneModel
 from rosbags.typesys.stores import ros2_jazzy as ros
 from rosbags.typesys.stores.ros2_jazzy import nav_msgs__msg__Odometry as Odometry
 
+from phalanx.network.inbox import SentInput
 from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.swarm.points import agent_point
-from phalanx.swarm.statements import OwnStatement
 from phalanx_ros2 import cdr, messages
 from phalanx_ros2.rmw_zenoh import Node
 
@@ -40,7 +40,7 @@ class PeerOdometry:
             self._published[i] = max(until, self._published[i])
 
 
-def odometry(model: SceneModel, l: int, statement: OwnStatement, child: str) -> Odometry:
+def odometry(model: SceneModel, l: int, statement: SentInput, child: str) -> Odometry:
     """Return the odometry of agent l as it stated it, without covariances; child: its frame."""
     swarm, state, point = model.swarm, np.array(statement.x), agent_point(model.swarm, l)
     x = swarm.start()

@@ -9,12 +9,13 @@ import numpy as np
 from phalanx.faults.commands import ProcessChange
 from phalanx.knowledge.held import halves
 from phalanx.knowledge.motion import stacked
+from phalanx.network.inbox import SentInput
 from phalanx.recording.curves.series import Series
 from phalanx.recording.fates import RecordedFates
 from phalanx.recording.read import Recording
 from phalanx.swarm.points import agent_point
 from phalanx.swarm.radio import PeerKnowledge
-from phalanx.swarm.statements import OwnStatement, StatementLedger
+from phalanx.swarm.statements import StatementLedger
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
 from phalanx.theory.expressions.exact import length
@@ -43,20 +44,16 @@ class News(NamedTuple):
     t: float
     """Time of the agent's sample [s]."""
     peer: int
-    said: OwnStatement | None
+    said: SentInput | None
     """None: the agent forgot what it knew."""
     relayed: bool = False
 
 
 class Beliefs:
-    """The beliefs of each agent with a radio, at any time.
+    """The beliefs of each agent with a radio, at any time, from the news that came to it."""
 
-    With `time.recording_step`, statements have the states that were recorded last.
-    """
-
-    def __init__(self, recording: Recording, swarm: Swarm) -> None:
+    def __init__(self, swarm: Swarm) -> None:
         self._swarm, self._ledger = swarm, StatementLedger(swarm)
-        self._index = {name: i for i, name in enumerate(swarm.names)}
         self.news = {
             i: [News(0.0, l, said) for l, said in known.items()]
             for i, known in self._ledger.known.items()
@@ -65,6 +62,48 @@ class Beliefs:
         self._used = defaultdict[int, list[set[int]]](list)
         self.sampled = defaultdict[int, list[float]](list)
         """By agent, times of its recorded samples [s]."""
+
+    def at(self, i: int, t: float) -> list[Belief]:
+        """Return agent i's beliefs at t [s]; none of an agent without a radio."""
+        newest = {news.peer: news.said for news in self.news.get(i, ()) if news.t <= t}
+        heard = {l: said for l, said in newest.items() if said}
+        if not heard:
+            return []
+        swarm, knowledge = self._swarm, PeerKnowledge(self._swarm, i)
+        x, _ = knowledge(np.zeros(swarm.safe_set.parts[-1].stop), (), t, heard)
+        boxes, centres = knowledge.boxes(), swarm.positions(x)
+        axes, radio = centres.shape[1], swarm.groups[i].radio
+        k = int(np.searchsorted(self.sampled[i], t, side="right"))
+        used = self._used[i][k - 1] if k else set()
+        one = radio is not None and radio.belief != "set"
+        return [
+            Belief(
+                l, age, centres[l],
+                np.array([centres[l]] * 2 if one else [end[:axes] for end in boxes[l]]), l in used,
+            )
+            for l, age in knowledge.age.items()
+        ]  # fmt: skip
+
+    def ages(self, i: int) -> dict[int, Series]:
+        """Return by peer the age of what agent i knew of it, at each of its samples [s]."""
+        t, ages = np.array(self.sampled[i]), {}
+        for l in sorted({news.peer for news in self.news.get(i, ())}):
+            of_peer = [n for n in self.news[i] if n.peer == l]
+            stamps = np.array([n.said.t if n.said else np.nan for n in of_peer])
+            newest = np.searchsorted([n.t for n in of_peer], t, side="right") - 1
+            ages[l] = Series(t, np.where(newest < 0, np.nan, t - stamps[newest]))
+        return ages
+
+
+class RecordedBeliefs(Beliefs):
+    """The same, as they follow from a recording.
+
+    With `time.recording_step`, statements have the states that were recorded last.
+    """
+
+    def __init__(self, recording: Recording, swarm: Swarm) -> None:
+        super().__init__(swarm)
+        self._index = {name: i for i, name in enumerate(swarm.names)}
         self._follow(recording)
 
     def _follow(self, recording: Recording) -> None:
@@ -100,37 +139,6 @@ class Beliefs:
         if i in self.news:
             self.news[i] += [News(t, l, None) for l in self._ledger.known[i]]
             self._ledger.restarted(i)
-
-    def at(self, i: int, t: float) -> list[Belief]:
-        """Return agent i's beliefs at t [s]; none of an agent without a radio."""
-        newest = {news.peer: news.said for news in self.news.get(i, ()) if news.t <= t}
-        heard = {l: said for l, said in newest.items() if said}
-        if not heard:
-            return []
-        swarm, knowledge = self._swarm, PeerKnowledge(self._swarm, i)
-        x, _ = knowledge(np.zeros(swarm.safe_set.parts[-1].stop), (), t, heard)
-        boxes, centres = knowledge.boxes(), swarm.positions(x)
-        axes, radio = centres.shape[1], swarm.groups[i].radio
-        k = int(np.searchsorted(self.sampled[i], t, side="right"))
-        used = self._used[i][k - 1] if k else set()
-        one = radio is not None and radio.belief != "set"
-        return [
-            Belief(
-                l, age, centres[l],
-                np.array([centres[l]] * 2 if one else [end[:axes] for end in boxes[l]]), l in used,
-            )
-            for l, age in knowledge.age.items()
-        ]  # fmt: skip
-
-    def ages(self, i: int) -> dict[int, Series]:
-        """Return by peer the age of what agent i knew of it, at each of its samples [s]."""
-        t, ages = np.array(self.sampled[i]), {}
-        for l in sorted({news.peer for news in self.news.get(i, ())}):
-            of_peer = [n for n in self.news[i] if n.peer == l]
-            stamps = np.array([n.said.t if n.said else np.nan for n in of_peer])
-            newest = np.searchsorted([n.t for n in of_peer], t, side="right") - 1
-            ages[l] = Series(t, np.where(newest < 0, np.nan, t - stamps[newest]))
-        return ages
 
 
 def braking_values(swarm: Swarm, states: Array) -> tuple[list[str], Array]:

@@ -31,6 +31,7 @@ from phalanx.recording.deadlock import DeadlockWatch
 from phalanx.recording.records import Level, Log
 from phalanx.schema.registry import part_of_agent
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.statements import OwnStatement
 from phalanx.theory.arrays import Array, Index
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
@@ -205,6 +206,11 @@ class Judge:
     def _known(self) -> list[Assumption]:
         held: Assumption | None = self._knowledge and self._knowledge.held
         return [held] if held and held.checked else []
+
+    @property
+    def statements(self) -> Mapping[int, Mapping[int, OwnStatement]]:
+        """By agent and peer, the newest statement by radio that had come."""
+        return self._knowledge.statements if self._knowledge else {}
 
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:
         """Judge the next events in order, and append the results; a sample has none.

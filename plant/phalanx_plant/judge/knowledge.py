@@ -30,6 +30,8 @@ class Knowledge:
         """Begin at x(0)."""
         self.held = Assumption("knowledge held", note=_NOTE)
         self._swarm, self._ledger = swarm, StatementLedger(swarm)
+        self.statements = self._ledger.known
+        """By agent and peer, the newest that had come."""
         self._points = {i: agent_point(swarm, i) for i in self._ledger.known}
         self._motions = {i: point.motion for i, point in self._points.items()}
         self._sampled = dict[int, float]()

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from msgspec.structs import replace
@@ -11,11 +11,12 @@ from phalanx.faults.commands import FaultState
 from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.messages.kinds import Status
 from phalanx.messages.step_report import AppliedStep
-from phalanx.network.inbox import DeliveryReport
+from phalanx.network.inbox import DeliveryReport, Statement
+from phalanx.swarm.statements import OwnStatement
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.judge.judge import Findings, Judged
+from phalanx_plant.judge.judge import Judge, Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached
 
 _EVERY = 1.0 / 30.0
@@ -23,6 +24,10 @@ _EVERY = 1.0 / 30.0
 _LINES = 30
 _LINK_EVENTS = 256
 """Most link events in a frame, which has to stay a small message."""
+_MOST_WITH_STATEMENTS = 24
+"""Agents in a run whose frames have statements by radio."""
+_TELL_ALL_EVERY = 1.0
+"""Wall time between frames with all of them [s]."""
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""
 
@@ -45,7 +50,7 @@ class Publisher:
         self,
         names: tuple[str, ...],
         start: Judged,
-        findings: Callable[[], Findings],
+        judge: Judge,
         commands: CommandQueue,
         publish_status: Callable[[Status], None],
         audience: FrameAudience | None = None,
@@ -55,19 +60,21 @@ class Publisher:
         Args:
             names: of the agents.
             start: the first state.
-            findings: returns the judgement of all events so far.
+            judge: of all events so far.
             commands: of the run, for its speed and pauses.
             publish_status: sends the run's progress to all.
             audience: receives frames.
         """
-        self._findings, self._commands = findings, commands
+        self._judge, self._commands = judge, commands
         self._publish_status, self._audience = publish_status, audience
         # Not the clock's own, which is ahead of the judged events.
         self._faults = FaultState(names)
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
-        self._due = 0.0
+        self._told: dict[tuple[int, int], OwnStatement] = {}
+        """By agent and peer, the statement in the last frame that had one."""
+        self._due = self._tell_all = 0.0
         self._status_due = time.monotonic()
         self._see(start)
         self.begin()
@@ -128,7 +135,7 @@ class Publisher:
         if now < self._status_due:
             return
         self._status_due = now + _STATUS_EVERY
-        findings = self._findings()
+        findings = self._judge.findings()
         self._publish_status(
             Status(
                 t=self._t,
@@ -149,7 +156,7 @@ class Publisher:
         self._link_events.clear()
 
     def _frame(self, now: float) -> Frame:
-        findings = self._findings()
+        findings = self._judge.findings()
         lasting_first = sorted(findings.violations, key=lambda v: v.end is not None)
         return Frame(
             t=self._t,
@@ -173,7 +180,23 @@ class Publisher:
             speed=self._commands.pace.speed,
             loss=self._faults.loss,
             delay=self._faults.delay,
+            statements=tuple(self._statements(now)),
         )
+
+    def _statements(self, now: float) -> Iterator[tuple[int, Statement]]:
+        """Yield agents, and statements that came to them; a lost frame is made up for later."""
+        if now >= self._tell_all:
+            self._told, self._tell_all = {}, now + _TELL_ALL_EVERY
+        if len(self._agents) > _MOST_WITH_STATEMENTS:
+            return
+        for i, known in self._judge.statements.items():
+            for l, said in known.items():
+                if self._told.get((i, l)) is not said:
+                    self._told[i, l] = said
+                    yield i, Statement(
+                        sender=l, k=said.k, t_apply=said.t_apply, u=said.u, t=said.t, x=said.x,
+                        z=said.z,
+                    )  # fmt: skip
 
     def _real_time_factor(self, now: float) -> float:
         wall, virtual, factor = self._pace

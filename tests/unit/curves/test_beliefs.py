@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.recording.curves.beliefs import Beliefs
+from phalanx.recording.curves.beliefs import RecordedBeliefs
 from phalanx.recording.read import read, swarm_of
 from phalanx.scenario.load import load
 from phalanx.swarm.statements import StatementLedger
@@ -22,7 +22,7 @@ def beliefs_of(tmp_path_factory):
         loaded = phalanx.load(scenario, {"duration": 1.5, "faults": [], **changes})
         phalanx.run(loaded, engine="in-process", out=folder)
         recording = read(next(folder.iterdir()))
-        return recording, Beliefs(recording, swarm_of(recording))
+        return recording, RecordedBeliefs(recording, swarm_of(recording))
 
     return beliefs_of
 

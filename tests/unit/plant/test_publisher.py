@@ -9,9 +9,11 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.judge import event_queue
 from phalanx_plant.observers import publisher
 from phalanx_plant.run import PlantRun
+from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.feeds.replay import open_replay
+from phalanx_viewer.scene.model import scene_model
 
-from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy, Condition
 from phalanx.launcher.engine import silent
 from phalanx.launcher.simulation import DirectAgents
 from phalanx.messages.frames import Frame
@@ -63,6 +65,27 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
         assert (frame.x, frame.pair, frame.worst_h) == (again.x, again.pair, again.worst_h)
         assert (frame.h_tot, frame.h) == (again.h_tot, again.h)
     assert sum(agent.backups for agent in audience.frames[-1].agents) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tell_all_every", "nth"), [(1e9, 1), (0.0, 7)])
+def test_frames_bring_the_beliefs_of_a_replay_and_make_up_for_lost_ones(
+    tell_all_every, nth, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(publisher, "_EVERY", 0.0)
+    monkeypatch.setattr(event_queue, "_LONGEST", 0.0)
+    monkeypatch.setattr(publisher, "_TELL_ALL_EVERY", tell_all_every)
+    crash = '[{kind = "restart", at = 0.6, for = 0.3, agents = ["2"]}]'
+    rows, audience = rows_of_scenario("radio", "duration=1.3", f"faults={crash}"), Audience()
+    _, recording = plant_run(rows, DirectAgents(rows, silent), tmp_path, audience=audience)
+    replay, live = open_replay(recording.path), LiveHistory(scene_model(recording.scenario))
+    for number, frame in enumerate(frames := audience.frames[::nth]):
+        live.add(frame)
+        if number % (len(frames) // 8) == 0 and frame.agents[1].condition is Condition.FINE:
+            shown, again = (feed.at(1, frame.t) for feed in (live.beliefs, replay.radio))
+            of_peer = {b.peer: (b.age, *b.corners.ravel()) for b in again}
+            assert {b.peer: (b.age, *b.corners.ravel()) for b in shown} == of_peer
+    assert [len(live.beliefs.at(1, t)) for t in (0.59, 0.8)] == [7, 0]
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from phalanx.messages.keys import PLANT
 from phalanx.messages.kinds import Ended
 from phalanx.messages.membership import Membership
 from phalanx.messages.seal import Malformed, Refusals, Sealer
-from phalanx.recording.curves.beliefs import Beliefs
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
 from phalanx.theory.arrays import Array
@@ -46,8 +45,6 @@ class Live(AbstractContextManager["Live"]):
         """The verdict, once there is one."""
         self.over = False
         """True once the plant has left."""
-        self.radio: Beliefs | None = None
-        """Only a recording has what agents knew of one another."""
         self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
         # Frames arrive in a thread of Zenoh's, which must return at once. The page's thread adds
@@ -59,6 +56,8 @@ class Live(AbstractContextManager["Live"]):
             with code_trusted(trust):
                 self.model = scene_model(from_json(setup.scenario.decode()))
             self.history = LiveHistory(self.model)
+            self.radio = self.history.beliefs
+            """What agents know of one another; None where they see one another."""
             self.log, self.violations = self.history.log, self.history.violations.values()
             self.marks = self.history.marks
             self.commandable = setup.commandable and bool(command_secret)
@@ -143,6 +142,14 @@ def check_frame(frame: Frame, model: SceneModel) -> None:
         step, inputs = status.step, len(member.dynamics.inputs)
         if step is not None and not len(step.u) == len(step.u_nom) == inputs:
             raise Malformed("wrong size")
+    for i, said in frame.statements:
+        of = members[said.sender] if 0 <= max(i, said.sender) < len(members) else None
+        sizes = of and (len(of.dynamics.states), len(of.dynamics.states), len(of.dynamics.inputs))
+        numbers = said.t, said.t_apply, *said.x, *said.z, *said.u
+        if min(i, said.sender) < 0 or sizes != (len(said.x), len(said.z), len(said.u)):
+            raise Malformed("wrong statement")
+        if not np.isfinite(numbers).all():
+            raise Malformed("not finite")
     ends = [end for event in frame.link_events for end in (event.sender, event.receiver)]
     if any(not 0 <= end < len(members) for end in ends) or not 0 <= frame.pair < len(pairs):
         raise Malformed("wrong agents")

@@ -11,9 +11,10 @@ from phalanx.guarantee.verdict import Violation
 from phalanx.messages.frames import AgentStatus, Frame, LogLine
 from phalanx.messages.step_report import QUANTITIES, AppliedStep, numbers_of
 from phalanx.recording.curves import history
+from phalanx.recording.curves.beliefs import Beliefs, News
 from phalanx.theory.arrays import Array
 from phalanx.theory.rows.origin import Origin
-from phalanx_viewer.scene.legend import marks_in, marks_of
+from phalanx_viewer.scene.legend import BELIEFS, marks_in, marks_of
 from phalanx_viewer.scene.model import SceneModel
 
 SPACING = 0.2
@@ -68,6 +69,33 @@ class _TimeSeries:
         return self._rows[: self._count]
 
 
+class LiveBeliefs(Beliefs):
+    """Beliefs by radio, from the statements that frames bring."""
+
+    def __init__(self, model: SceneModel) -> None:
+        super().__init__(model.swarm)
+        self._newest = {
+            i: {n.peer: n.said for n in news if n.said} for i, news in self.news.items()
+        }
+        self._spacing = model.scenario.duration / _MOST_FRAMES
+
+    def add(self, frame: Frame) -> None:
+        """Add a frame's news; a process that is dead has forgotten what it knew."""
+        for i, known in self._newest.items():
+            if frame.agents[i].condition is Condition.DEAD:
+                self.news[i] += [News(frame.t, l, None) for l in known]
+                known.clear()
+            elif frame.t >= (self.sampled[i] or [-np.inf])[-1] + self._spacing:
+                self.sampled[i].append(frame.t)
+                self._used[i].append({l for l, said in known.items() if said.k >= 0})
+        for i, said in frame.statements:
+            known, l = self._newest.get(i, {}), said.sender
+            newer = l not in known or said.k > known[l].k
+            if newer and frame.agents[i].condition is not Condition.DEAD:
+                known[l] = said
+                self.news[i].append(News(frame.t, l, said))
+
+
 class LiveHistory(history.History):
     """The past in the frames that were added, and the agents' recent paths."""
 
@@ -100,10 +128,11 @@ class LiveHistory(history.History):
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
         self._empty = np.zeros((2, n))
         self._condition = [Condition.FINE] * n
+        self.beliefs = LiveBeliefs(model) if model.swarm.by_radio else None
         self.broadcasts = np.recarray(0, history.BROADCAST)
         self.conditions: list[history.ConditionChange] = []
         self.log: list[LogLine] = []
-        self.marks = marks_of(model)
+        self.marks = marks_of(model) | (BELIEFS if self.beliefs else set())
         """Marks of the scene that the run had so far."""
         self.violations: dict[str, Violation] = {}
         """By pair, from the last frame that named it: a frame holds the worst ones alone."""
@@ -135,6 +164,8 @@ class LiveHistory(history.History):
             self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)
         self._add_conditions(frame)
+        if self.beliefs:
+            self.beliefs.add(frame)
         self.marks |= marks_in(frame)
         self.violations.update((violation.pair, violation) for violation in frame.violations)
         # A frame holds the last lines alone, most of which came before.

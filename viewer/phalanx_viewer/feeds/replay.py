@@ -13,7 +13,7 @@ from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.messages.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.messages.step_report import AppliedStep
-from phalanx.recording.curves.beliefs import Beliefs
+from phalanx.recording.curves.beliefs import RecordedBeliefs
 from phalanx.recording.curves.history import AgentSeries, RecordedHistory
 from phalanx.recording.curves.series import Series
 from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
@@ -49,7 +49,7 @@ class Replay:
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
         swarm = self.model.swarm
-        self.radio = Beliefs(recording, swarm) if swarm.by_radio else None
+        self.radio = RecordedBeliefs(recording, swarm) if swarm.by_radio else None
         """What agents knew of one another; None where they see one another."""
         self.effects: Mapping[int, Series] = {}
         """By agent, the network effect over time [%], if that was computed."""
