@@ -209,7 +209,7 @@ class Judge:
 
     @property
     def statements(self) -> Mapping[int, Mapping[int, OwnStatement]]:
-        """By agent and peer, the newest statement by radio that had come."""
+        """The newest statement by radio that had come, by agent and peer."""
         return self._knowledge.statements if self._knowledge else {}
 
     def judge(self, events: Sequence[Event], judged: list[Judged]) -> None:

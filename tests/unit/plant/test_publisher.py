@@ -82,9 +82,9 @@ def test_frames_bring_the_beliefs_of_a_replay_and_make_up_for_lost_ones(
     for number, frame in enumerate(frames := audience.frames[::nth]):
         live.add(frame)
         if number % (len(frames) // 8) == 0 and frame.agents[1].condition is Condition.FINE:
-            shown, again = (feed.at(1, frame.t) for feed in (live.beliefs, replay.radio))
-            of_peer = {b.peer: (b.age, *b.corners.ravel()) for b in again}
-            assert {b.peer: (b.age, *b.corners.ravel()) for b in shown} == of_peer
+            of_live, of_replay = (feed.at(1, frame.t) for feed in (live.beliefs, replay.radio))
+            of_peer = {b.peer: (b.age, *b.corners.ravel()) for b in of_replay}
+            assert {b.peer: (b.age, *b.corners.ravel()) for b in of_live} == of_peer
     assert [len(live.beliefs.at(1, t)) for t in (0.59, 0.8)] == [7, 0]
 
 
