@@ -1,7 +1,7 @@
 """Proofs that no agent gets away from an adversary that is faster than it, under any rule."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -10,13 +10,11 @@ from phalanx.knowledge.motion import Motion
 from phalanx.knowledge.velocity import VelocityMotion
 from phalanx.promise.capture import capture
 from phalanx.promise.reach import Reach
-from phalanx.swarm.committed import reach_of
+from phalanx.swarm.committed import holds_place, largest, reach_of
 from phalanx.swarm.points import MovedByVelocity, built_point
 from phalanx.swarm.swarm import DEFECT, Swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.safety.function import Distance, Separation
-
-_BISECTIONS = 11
 
 
 class Impossible(NamedTuple):
@@ -94,7 +92,7 @@ def _no_exit(swarm: Swarm, i: int) -> str:
         pushed = built_point(swarm, i, bound - bound_of_i + DEFECT).motion
         return _leaves(pushed, _chasing(swarm, l, bound))
 
-    leaving, bound = _largest(speeds[l], partial(_leaves, motion)), _largest(bound_of_i, outruns)
+    leaving, bound = largest(speeds[l], partial(_leaves, motion)), largest(bound_of_i, outruns)
     enough = f"at most {bound:.3g} for both would do" if bound > 0.0 else "no bound would do"
     return (
         f"Impossible by exit: {swarm.names[l]} makes {speeds[l]:.3g} m/s with its disturbance, "
@@ -117,17 +115,4 @@ def _leaves(motion: Motion, speed: float) -> bool:
         return fastest - motion.disturbance > speed
     # Drag takes the same of each component; what is left has to hold the motion against φ.
     left = motion.acceleration - motion.drag * speed / math.sqrt(motion.axes)
-    try:
-        replace(motion, acceleration=left).tracking  # noqa: B018 - it raises
-    except ValueError:
-        return False
-    return True
-
-
-def _largest(most: float, holds: Callable[[float], bool]) -> float:
-    """Return the largest number up to a bound for which something holds; 0 if for none."""
-    low, high = 0.0, most
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+    return holds_place(replace(motion, acceleration=left))

@@ -13,7 +13,7 @@ import numpy as np
 
 from phalanx.promise.capsules import Capsules, joined
 from phalanx.swarm.committed import flights_of, reach_of
-from phalanx.swarm.flight import keeper
+from phalanx.swarm.flight import FlightKeeper, keeper
 from phalanx.swarm.keep import Keeper, Refusal, refusals_of
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -31,6 +31,10 @@ class Grades(NamedTuple):
 
     for_ever: tuple[str, ...] = ()
     passively: tuple[str, ...] = ()
+    until: Mapping[str, float] = {}
+    """By pair with one that is faster the time for which it is promised [s]."""
+    faster: str = ""
+    """Who that is, for the first of them, with both speeds."""
     short: Mapping[str, str] = {}
     """By pair the number that is short, and the value that would do."""
     refusals: tuple[str, ...] = ()
@@ -45,7 +49,7 @@ class Grades(NamedTuple):
             committed: whether agents keep the rule in a run.
             proven: by pair the time for which it is safe under any filter [s].
         """
-        if self.refusals and not self.for_ever and not self.passively:
+        if self.refusals:
             short = [why for why in self.refusals if why.startswith("disturbance.bound")]
             return [f"safety.keep = 'hold' could promise nothing: {why}." for why in short[:1]]
         with_rule = "" if committed else "With safety.keep = 'hold': p"
@@ -55,7 +59,11 @@ class Grades(NamedTuple):
             for pairs, grade in ((self.for_ever, "for ever"), (self.passively, "passively"))
             if pairs
         ]
-        words = [promise + ("; ".join(parts) or "nothing") + "."]
+        for time in sorted({*self.until.values()}, reverse=True):
+            pairs = tuple(pair for pair, at in self.until.items() if at == time)
+            parts.append(f"{_listed(pairs)} until {_rounded_down(time)}")
+        faster = f", as {self.faster}" if self.until else ""
+        words = [promise + ("; ".join(parts) or "nothing") + f"{faster}."]
         if self.passively and committed:
             words.append(
                 "Passively: an agent hits no other while it moves by itself, whatever attacks; one "
@@ -63,7 +71,7 @@ class Grades(NamedTuple):
             )
         lacking = [
             f"{pair}: {why}"
-            + (f", safe for {math.floor(1e3 * proven[pair]) / 1e3:.3f} s" if pair in proven else "")
+            + (f", safe for {_rounded_down(proven[pair])}" if pair in proven else "")
             for pair, why in self.short.items()
         ]
         return words + ([f"Not promised: {_first(lacking)}."] if lacking else [])
@@ -94,40 +102,54 @@ def grades(swarm: Swarm) -> Grades:
         if later:
             for l, gap in _gaps(tubes[i], later).items():
                 distances[i, l] = gap - rule.radius
-    return _graded(swarm, distances, passive, to_obstacles)
+    return _graded(swarm, keepers, distances, passive, to_obstacles)
 
 
-def _graded(swarm: Swarm, distances: _Spare, passive: _Spare, to_obstacles: _Spare) -> Grades:
+def _graded(
+    swarm: Swarm,
+    keepers: Mapping[int, Keeper | FlightKeeper],
+    distances: _Spare,
+    passive: _Spare,
+    to_obstacles: _Spare,
+) -> Grades:
     """Return the grades."""
-    for_ever, passively, short = list[str](), list[str](), dict[str, str]()
-    members = len(swarm.members)
+    for_ever, passively = list[str](), list[str]()
+    until, short, members = dict[str, float](), dict[str, str](), len(swarm.members)
     for pair in swarm.safe_set.pairs:
-        (a, b), label = pair[:2], swarm.safe_set.label(pair)
-        of_agents = [(i, l) for i, l in ((a, b), (b, a)) if i in swarm.normal]
+        (a, b), label, time = pair[:2], swarm.safe_set.label(pair), math.inf
         if b >= members:
             spare, grade = to_obstacles[a, b - members], for_ever
         elif (a, b) in distances:
             spare, grade = distances[a, b], for_ever
         else:
-            spare = min(passive[side] for side in of_agents)
+            sides = [(i, l) for i, l in ((a, b), (b, a)) if i in keepers]
+            spare = min(passive[side] for side in sides)
             grade = for_ever if swarm.safety.leaves else passively
-        if spare >= 0.0:
-            grade.append(label)
-        else:
+            time = min([keepers[i].until for i, l in sides if l in keepers[i].faster], default=time)
+        if spare < 0.0 or time == 0.0:
             short[label] = _reason(swarm, b, spare)
+        elif time < math.inf:
+            until[label] = time
+        else:
+            grade.append(label)
     stopping = not swarm.safety.leaves
-    sides = frozenset(side for side, spare in passive.items() if spare >= 0.0 and stopping)
-    return Grades(tuple(for_ever), tuple(passively), short, sides=sides)
+    aside = frozenset(side for side, spare in passive.items() if spare >= 0.0 and stopping)
+    fast = sorted(l for rule in keepers.values() for l in rule.faster)
+    faster = _speeds(swarm, fast[0]) if fast else ""
+    return Grades(tuple(for_ever), tuple(passively), until, faster, short, sides=aside)
 
 
 def _reason(swarm: Swarm, l: int, spare: float) -> str:
     """Return what is short of a pair with member l."""
-    if np.isfinite(spare):
+    if spare < 0.0 and np.isfinite(spare):
         return f"{-spare:.3g} m nearer than it may start"
+    return _speeds(swarm, l) if swarm.safety.leaves else "the other's reach is no finite number"
+
+
+def _speeds(swarm: Swarm, l: int) -> str:
+    """Return that member l is as fast as agents can leave."""
     speed = reach_of(swarm, l).for_ever(swarm.start()[swarm.safe_set.parts[l]])[1]
     name, velocity = swarm.names[l], swarm.safety.exit_velocity
-    if not swarm.safety.leaves:
-        return f"{name}'s reach is no finite number"
     if velocity is None:
         flights = flights_of(swarm, swarm.normal[0])
         return f"{name} makes {speed:.3g} m/s, a flight {flights.speed - flights.drift:.3g}"
@@ -150,6 +172,10 @@ def _first(reasons: Sequence[str]) -> str:
     """Return the first reasons, and how many more there are."""
     more = f"; {len(reasons) - _MOST} more" if len(reasons) > _MOST else ""
     return f"{'; '.join(reasons[:_MOST])}{more}"
+
+
+def _rounded_down(time: float) -> str:
+    return f"{math.floor(1e3 * time) / 1e3:.3f} s"
 
 
 def _listed(pairs: tuple[str, ...]) -> str:

@@ -195,6 +195,8 @@ class PromiseSummary(msgspec.Struct):
     """Agents that turned, with the time [s]: others keep passively what they had for ever."""
     refused: str = ""
     """Why nothing was promised."""
+    until: int = 0
+    """Pairs with one that is faster for which it was kept for as long as it was promised."""
 
     @property
     def kept(self) -> bool:
@@ -209,8 +211,9 @@ class PromiseSummary(msgspec.Struct):
     def __str__(self) -> str:
         if not self.promised:
             return f"nothing was promised{f': {self.refused}' if self.refused else ''}"
-        pairs = f"{self.for_ever + self.passively} of {self.promised} pairs"
-        words = f"kept for {pairs} ({self.for_ever} for ever, {self.passively} passively)"
+        pairs = f"{self.for_ever + self.passively + self.until} of {self.promised} pairs"
+        until = f", {self.until} for its time" if self.until else ""
+        words = f"kept for {pairs} ({self.for_ever} for ever, {self.passively} passively{until})"
         if self.turned:
             turns = ", ".join(f"{name} at {t:.3f} s" for name, t in self.turned.items())
             words += f"; turned, and promised nothing since: {turns}"

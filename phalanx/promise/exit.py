@@ -4,7 +4,8 @@ In a frame that moves with w this is *hold*: tubes, W and the rule are the same 
 that lack what it takes to keep w. A chaser of a speed of at most s < ‖w‖ moves there by -w and at
 most s more: for ever it stays in the cone {a - w t + r : t >= 0, ‖r‖ <= s t} of its place a. The
 distance of a set from that is at least n·(y - a) for any unit vector n with n·w >= s and all y of
-the set. One that is as fast as w reaches everything in the end.
+the set. One that is as fast as w reaches everything in the end; within a time T it is farther than
+n·(y - a) + (n·w - s) T, of which the best n points to y + w T from a.
 """
 
 from typing import NamedTuple
@@ -22,7 +23,7 @@ _FAR = 1e4
 class Chasers(NamedTuple):
     """Members that may chase, n of them.
 
-    >>> behind = Chasers(np.array([[-2.0, 0.0]]), np.zeros(1), np.array([1.0]))
+    >>> behind = Chasers(np.array([[-2.0, 0.0]]), np.zeros(1), np.array([1.0]), np.zeros(1))
     >>> place = Capsules(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1))
     >>> behind.gaps(place, np.array([1.5, 0.0])).round(3)
     array([2.])
@@ -34,22 +35,28 @@ class Chasers(NamedTuple):
     """How much farther a first speed brings them, shape (n,) [m]."""
     speeds: Array
     """s, shape (n,) [m/s]."""
+    times: Array
+    """T, for which one that is as fast as the exit is counted, shape (n,) [s]."""
 
     def gaps(self, capsules: Capsules, velocity: Array) -> Array:
-        """Return how far each chaser stays from all capsules for ever, at least; (n,) [m].
+        """Return how far each chaser stays from all capsules, at least; (n,) [m].
 
-        It is below 0 where one is as fast as the exit.
+        For ever, or for its time if it is as fast as the exit.
         """
-        fastest = float(length(velocity))
-        share = np.minimum(self.speeds / max(fastest, 1e-300), 1.0)[:, None, None]
+        # Of no bound on a speed, the product with no time is 0.
+        fastest, speeds = float(length(velocity)), np.minimum(self.speeds, 1e200)
+        slower, shares = speeds < fastest, speeds / max(fastest, 1e-100)
+        share = np.where(slower, shares, -1.0)[:, None, None]
+        time = np.where(slower, 0.0, self.times)[:, None]
         points = np.stack([capsules.begin, capsules.end])
         ways = points[:, None] - self.places[:, None]  # (2, n, capsules, axes)
-        normals = _towards(np.concatenate([ways, ways[:1] + ways[1:]]), velocity, share)
+        ends = ways + time[..., None] * velocity
+        normals = _towards(np.concatenate([ends, ends[:1] + ends[1:]]), velocity, share)
         distances = np.minimum.reduce(dot(ways[:, None], normals[None]))
-        gaps = np.maximum.reduce(distances) - capsules.radius
+        nearer = np.minimum(dot(normals, velocity) - speeds[:, None], 0.0) * time
+        gaps = np.maximum.reduce(distances + nearer) - capsules.radius
         least: Array = np.minimum.reduce(gaps, axis=1, initial=np.inf) - ROUNDING
-        least = least - self.offsets
-        return np.where(self.speeds < fastest, least, -np.inf)
+        return least - self.offsets
 
 
 def _towards(ways: Array, velocity: Array, share: Array) -> Array:

@@ -72,7 +72,9 @@ class Flights:
             yield Flight(heading, -1.0)
 
     def gaps(self, x: Array, u: Array, flight: Flight, others: Chasers) -> Array:
-        """Return how far each of the others is for ever at least from the output point [m].
+        """Return how far each of the others is at least from the output point [m].
+
+        For ever, or for its time if it is faster.
 
         Args:
             x: the sampled state.
@@ -98,7 +100,7 @@ class Flights:
         after = _capsule(
             axle + model.offset * ahead, radius + model.offset * self._within + self._late
         )
-        chasers = Chasers(others.places, near, others.speeds + self.drift)
+        chasers = Chasers(others.places, near, others.speeds + self.drift, others.times)
         least: Array = np.minimum(gaps, chasers.gaps(after, flight.way * model.speed * ahead))
         return least
 

@@ -4,6 +4,7 @@ Where the fallback is to leave, with a velocity w that all normal agents share, 
 inputs are those in the frame that moves with w: it has less of its inputs, by what keeps w.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -111,13 +112,28 @@ def reach_of(swarm: Swarm, l: int) -> Reach:
 
 def largest_bound(swarm: Swarm, i: int) -> float:
     """Return the largest bound on agent i's disturbance with which its fallback holds; 0: none."""
-    low, high = 0.0, (bound := swarm.groups[i].disturbance.bound)
+    bound = swarm.groups[i].disturbance.bound
+
+    def holds(less: float) -> bool:
+        point = built_point(swarm, i, less - bound + DEFECT)
+        return holds_place(CommittedPoint(point, exit_velocity(swarm)).motion)
+
+    return largest(bound, holds)
+
+
+def holds_place(motion: Motion) -> bool:
+    """Return whether an agent can hold a place against its disturbance."""
+    try:
+        motion.tracking  # noqa: B018 - it raises
+    except ValueError:
+        return False
+    return True
+
+
+def largest(most: float, holds: Callable[[float], bool]) -> float:
+    """Return the largest number up to a bound for which something holds; 0 if for none."""
+    low, high = 0.0, most
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        point = built_point(swarm, i, middle - bound + DEFECT)
-        try:
-            CommittedPoint(point, exit_velocity(swarm)).motion.tracking  # noqa: B018
-            low = middle
-        except ValueError:
-            high = middle
+        low, high = (middle, high) if holds(middle) else (low, middle)
     return low

@@ -12,7 +12,7 @@ from phalanx.promise.exit import Chasers
 from phalanx.promise.flight import Flight, Flights
 from phalanx.promise.rule import Room
 from phalanx.scenario.model import ScenarioError
-from phalanx.swarm.committed import flights_of, reach_of
+from phalanx.swarm.committed import flights_of, largest, reach_of
 from phalanx.swarm.keep import Keeper, KeptInput, refusals_of
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.arrays import Array
@@ -27,6 +27,8 @@ class FlightKeeper:
     stands = False
     flight: Flight
     """The way out in hand."""
+    until: float = 0.0
+    """Time from the start on for which it gets away from those that are faster [s]."""
 
     def __init__(self, swarm: Swarm, i: int) -> None:
         """swarm: as agent i knows it. Raises ScenarioError where nothing can be promised."""
@@ -43,6 +45,13 @@ class FlightKeeper:
         self._required = np.array([self.radius] * len(self._others) + clear)
         clock = swarm.groups[i].clock
         self.longest, self.shortest = swarm.horizon(i), clock.period - clock.jitter
+        speeds = self._chasers(swarm.start(), 0.0).speeds + self._flights.drift
+        fast = (speeds >= self._flights.speed).tolist()
+        self.faster = frozenset(
+            l for l, is_fast in zip(self._others, fast, strict=False) if is_fast
+        )
+        if self.faster:
+            self.until = largest(swarm.scenario.duration, lambda time: self._best(time)[1] >= 0.0)
         self.restart()
 
     def __call__(self, t: float, x: Array, seen: Sequence[int], u: Array) -> KeptInput:
@@ -52,7 +61,7 @@ class FlightKeeper:
         # What the flight would do anyway does not end it.
         if u.tolist() == back.tolist():
             return KeptInput(back, False)
-        others = self._chasers(x)
+        others = self._chasers(x, max(self.until - t, 0.0))
         for flight in (self.flight, *self._flights.ways(state)):
             if (self._spare(state, u, flight, others) >= 0.0).all():
                 self.flight = flight
@@ -61,15 +70,21 @@ class FlightKeeper:
 
     def restart(self) -> None:
         """Have the way in hand that is the best before the first sample."""
+        self.flight = self._best(self.until)[0]
+
+    def _best(self, time: float) -> tuple[Flight, float]:
+        """Return the best way at the start if faster ones count for a time [s], and its room."""
         x, nothing = self._swarm.start(), np.zeros(2)
-        state, others = x[self._swarm.safe_set.parts[self._i]], self._chasers(x)
-        ways, spare = [*self._flights.ways(state)], self._spare
-        self.flight = max(ways, key=lambda way: spare(state, nothing, way, others).min())
+        state, others = x[self._swarm.safe_set.parts[self._i]], self._chasers(x, time)
+        ways = [*self._flights.ways(state)]
+        rooms = [float(self._spare(state, nothing, way, others).min()) for way in ways]
+        best = int(np.argmax(rooms))
+        return ways[best], rooms[best]
 
     def room(self, x: Array, near: object, u: Array) -> Room:
         """Return the room of the flight in hand after u, shape (m_i,), towards everyone."""
         state = x[self._swarm.safe_set.parts[self._i]]
-        spare = self._spare(state, u, self.flight, self._chasers(x))
+        spare = self._spare(state, u, self.flight, self._chasers(x, self.until))
         count = len(self._others)
         return Room(np.empty(0), spare[:count], spare[count:])
 
@@ -77,14 +92,15 @@ class FlightKeeper:
         spare: Array = self._flights.gaps(state, u, flight, others) - self._required
         return spare
 
-    def _chasers(self, x: Array) -> Chasers:
-        """Return all others, and obstacles after them."""
+    def _chasers(self, x: Array, time: float) -> Chasers:
+        """Return all others, and obstacles after them; time: for which faster ones count [s]."""
         parts, places = self._swarm.safe_set.parts, self._swarm.positions(x)[self._others]
         zeros = [(0.0, 0.0)] * len(self._centers)
         ways = [r.for_ever(x[parts[l]]) for l, r in zip(self._others, self._reaches, strict=True)]
         offsets, speeds = np.array([*ways, *zeros]).reshape(-1, 2).T
         axes = places.shape[1]
-        return Chasers(np.concatenate([places, self._centers.reshape(-1, axes)]), offsets, speeds)
+        everything = np.concatenate([places, self._centers.reshape(-1, axes)])
+        return Chasers(everything, offsets, speeds, np.full(len(speeds), time))
 
 
 def keeper(swarm: Swarm, i: int, true_states: bool = False) -> Keeper | FlightKeeper:

@@ -20,6 +20,7 @@ from phalanx.swarm.committed import (
     exit_velocity,
     fallback_of,
     flights_of,
+    largest,
     largest_bound,
     trusted,
 )
@@ -82,10 +83,16 @@ class Keeper:
         self.commitment = Commitment(
             self._fallback, self.radius, swarm.scenario.obstacles, self._velocity
         )
+        self.until = self._time_left = 0.0
+        """Time from the start on for which it gets away from those that are faster [s]."""
+        self.faster = frozenset[int]() if exits is None else self._as_fast(float(length(exits)))
+        if self.faster:
+            self.until = self._time_left = largest(swarm.scenario.duration, self._gets_away)
 
     def __call__(self, t: float, x: Array, seen: Sequence[int], u: Array) -> KeptInput:
         """Decide on the input u, shape (m_i,), at a sample x, shape (n̄,), of the agents seen."""
         state = x[self._swarm.safe_set.parts[self._i]]
+        self._time_left = max(self.until - t, 0.0)
         own, w = self._point.of_both(state, u)
         begins, fallback = self.commitment.begins, self.commitment.fallback_input(t, own)
         back = None if begins else self._point.applied(state, fallback)
@@ -96,6 +103,22 @@ class Keeper:
         if accepted:
             return KeptInput(u, True)
         return KeptInput(self._point.applied(state, fallback) if back is None else back, False)
+
+    def _as_fast(self, speed: float) -> frozenset[int]:
+        """Return the members that keep no rule and are as fast as the exit."""
+        swarm, x = self._swarm, self._swarm.start()
+        members = np.arange(len(swarm.members))
+        chasers = self._others.chasers(members, x, swarm.positions(x), 0.0)
+        kept_from = [l for l in members.tolist() if l != self._i and l not in self.peers]
+        fast = (chasers.speeds >= speed).tolist()
+        return frozenset(l for l, is_fast in zip(kept_from, fast, strict=True) if is_fast)
+
+    def _gets_away(self, time: float) -> bool:
+        """Return whether it gets away from all that are faster, for a time from the start on."""
+        self._time_left, x = time, self._swarm.start()
+        nothing = np.zeros(len(self._swarm.members[self._i].dynamics.inputs))
+        room = self.room(x, np.array([self._i, *sorted(self.faster)], dtype=np.intp), nothing)
+        return bool((room.members >= 0.0).all())
 
     def _accepts(self, t: float, x: Array, seen: Sequence[int], own: Array, w: Array) -> bool:
         """Return whether w leaves room, towards those that are near enough to matter."""
@@ -131,7 +154,7 @@ class Keeper:
     def _room(self, x: Array, near: Index, places: Array, own: Array, w: Array) -> Room:
         expected = self._others.expected(near, x, places)
         if self._velocity is not None:
-            chasers = self._others.chasers(near, x, places)
+            chasers = self._others.chasers(near, x, places, self._time_left)
             return self.commitment.room(own, w, expected, chasers)
         time = self._fallback.rest_time(own, w)
         reached = self._others.reached(near, x, places, time)

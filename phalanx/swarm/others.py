@@ -65,13 +65,16 @@ class Others:
             self._axes,
         )
 
-    def chasers(self, near: Index, x: Array, places: Array) -> Chasers:
-        """Return those that are near and keep no rule, in the order of members."""
+    def chasers(self, near: Index, x: Array, places: Array, time: float) -> Chasers:
+        """Return those that are near and keep no rule, in the order of members.
+
+        time: for which those are counted that are as fast as the exit [s].
+        """
         kinds = [kind for kind in self._of(near) if kind.peer is None]
         ways = [kind.reach.for_ever(state) for kind in kinds for state in x[kind.states]]
         offsets, speeds = np.array(ways).reshape(-1, 2).T
         members = [l for kind in kinds for l in kind.members.tolist()]
-        return Chasers(places[members], offsets, speeds)
+        return Chasers(places[members], offsets, speeds, np.full(len(speeds), time))
 
     def farthest(self, swarm: Swarm, time: float, chased: bool) -> Array:
         """Return how far W and A of each reach from its place at any state, shape (N,) [m].

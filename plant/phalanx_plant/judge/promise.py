@@ -31,7 +31,12 @@ class PromiseLedger:
         labels = self._numbers = {safe_set.label(p): k for k, p in enumerate(safe_set.pairs)}
         """Of pairs by their labels."""
         self._pairs = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-        self._for_ever = np.isin(np.arange(len(pairs)), [labels[p] for p in promised.for_ever])
+        distances = [labels[p] for p in (*promised.for_ever, *promised.until)]
+        self._for_ever = np.isin(np.arange(len(pairs)), distances)
+        self._until = np.full(len(pairs), np.inf)
+        """By pair until when it is promised at most [s]."""
+        for pair, time in promised.until.items():
+            self._until[labels[pair]] = time
         both = [[(a, b) in promised.sides, (b, a) in promised.sides] for a, b in pairs]
         self._aside = np.array(both, dtype=bool).reshape(-1, 2)
         """By pair and side, whether it is promised not to hit the other; shape (p, 2)."""
@@ -117,16 +122,18 @@ class PromiseLedger:
         for excursion in violations:
             k = self._numbers[excursion.pair]
             sides = self._pairs[k][acting[k]].tolist()
-            if kept[k] and (for_ever[k] or not self._hit_at_rest(sides, excursion)):
+            at_rest = not for_ever[k] and self._hit_at_rest(sides, excursion)
+            if kept[k] and excursion.first <= self._until[k] and not at_rest:
                 names = "-".join(self._swarm.names[i] for i in sides)
                 why = f"{excursion.pair} was unsafe"
                 broken.append(BrokenPromise(names, excursion.first, why))
                 kept[k] = False
         broken.sort(key=lambda b: b.t)
         turned = {self._swarm.names[i]: at for i, at in self._turned.items()}
-        first, second = int(np.sum(for_ever & kept)), int(np.sum(passively & kept))
-        every, refused = int(np.sum(promised)), self._refused
-        return PromiseSummary(first, second, every, broken, turned, refused)
+        lasting, every = self._until < np.inf, int(np.sum(promised))
+        by_grade = for_ever & ~lasting, passively, lasting
+        first, second, until = (int(np.sum(grade & kept)) for grade in by_grade)
+        return PromiseSummary(first, second, every, broken, turned, self._refused, until)
 
     def _among(self, agents: Collection[int]) -> Mask:
         """Return by pair and side whether it is one of these agents, shape (p, 2)."""

@@ -17,22 +17,22 @@ from tests.unit.swarms import checked, swarm_of_scenario
 @pytest.mark.parametrize(("count", "more"), [(2, ""), (6, ""), (8, "; 2 more")])
 def test_of_many_pairs_six_are_named(count, more):
     short = {f"a-{k}": "too near" for k in range(count)}
-    named = "; ".join(f"a-{k}: too near" for k in range(min(count, 6)))
+    pairs = "; ".join(f"a-{k}: too near" for k in range(min(count, 6)))
     promised = "Promised before the run, under any filter and network"
     assert Grades(("b-c",), short=short).sentences(True, {}) == [
         f"{promised}: b-c for ever.",
-        f"Not promised: {named}{more}.",
+        f"Not promised: {pairs}{more}.",
     ]
 
 
 def test_of_refusals_only_a_bound_that_is_too_large_is_said():
-    def said(*refusals: str) -> list[str]:
+    def sentences(*refusals: str) -> list[str]:
         return Grades(refusals=refusals).sentences(False, {})
 
     short = "disturbance.bound of a: too large"
     would = f"safety.keep = 'hold' could promise nothing: {short}."
-    assert said("limits: expected none", short) == [would]
-    assert said("limits: expected none") == []
+    assert sentences("limits: expected none", short) == [would]
+    assert sentences("limits: expected none") == []
 
 
 def test_tubes_of_several_parts_are_as_near_as_their_nearest():

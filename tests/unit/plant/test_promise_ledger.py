@@ -63,9 +63,9 @@ def test_of_an_adversary_and_of_one_that_turned_nothing_is_checked():
     ],
 )
 def test_a_disturbance_above_its_bound_breaks_its_agents_promise_an_adversarys_all(phi, agents):
-    promises, whose = ledger(), {"ab": "rogue"}.get(agents, agents)
+    promises, culprit = ledger(), {"ab": "rogue"}.get(agents, agents)
     promises.disturbed(DisturbanceKnot(0.0625, np.array(phi)))
-    why = f"the disturbance of {whose} is above its bound"
+    why = f"the disturbance of {culprit} is above its bound"
     first = [BrokenPromise(name, 0.0625, why) for name in agents]
     assert broken(promises) == first
     promises.failed(0.07, "a wall fell")
@@ -73,7 +73,7 @@ def test_a_disturbance_above_its_bound_breaks_its_agents_promise_an_adversarys_a
     assert broken(promises) == first + rest
 
 
-def test_the_judge_breaks_promises_by_true_states_and_inputs_and_says_whose_sample_was_false():
+def test_the_judge_breaks_promises_by_true_states_and_inputs_and_says_culprit_sample_was_false():
     judge, x = Judge(build_rows(build_swarm(scenario()))), build_swarm(scenario()).start()
     x[:4] = [-0.51, 0.0, 0.51, 0.0]
     events: list[Event] = [StateReached(0.0625, x, [])]

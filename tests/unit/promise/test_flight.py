@@ -44,7 +44,7 @@ def random_case(rng):
     flight = Flight(float(x[2] + rng.choice([0.0, rng.uniform(-pi, pi)])), rng.choice([-1.0, 1.0]))
     angle = rng.uniform(-pi, pi)
     place = x[:2] + rng.uniform(1.0, 8.0) * np.array([cos(angle), sin(angle)])
-    return x, u, flight, Chasers(place[None], np.zeros(1), rng.choice([0.0, 1.5], 1))
+    return x, u, flight, Chasers(place[None], np.zeros(1), rng.choice([0.0, 1.5], 1), np.zeros(1))
 
 
 def pushes(rng):
@@ -98,7 +98,7 @@ def test_robots_of_simulation_1_at_a_fifth_of_their_disturbance_need_what_was_wo
     def needed(angle: float) -> float:
         def gap(distance: float) -> float:
             place = distance * np.array([[cos(angle), sin(angle)]])
-            chaser = Chasers(place, np.zeros(1), np.array([speed]))
+            chaser = Chasers(place, np.zeros(1), np.array([speed]), np.zeros(1))
             return max(flights.gaps(x, u, Flight(0.0, way), chaser)[0] for way in (1.0, -1.0))
 
         return next(d for d in np.arange(1.0, 3.0, 0.01) if gap(d) >= 1.0)
@@ -130,10 +130,13 @@ def test_pursuers_that_catch_a_unicycle_never_do_if_it_keeps_a_flight():
     assert summary.origins["fallback"] > 20
 
 
-def test_what_is_as_fast_as_a_flight_is_named_with_both_speeds():
-    fast = {"type": "unicycle", "speed": 4.0, "turn_rate": 1.0}
-    short = grades(build_swarm(scenario(**HUNTED | {"agents__1__dynamics": fast}))).short
-    assert short["a-c"] == "c makes 4.01 m/s, a flight 3.94"
+def test_what_is_as_fast_as_a_flight_is_outrun_for_a_time():
+    fast = {"agents__1__dynamics": {"type": "unicycle", "speed": 4.0, "turn_rate": 1.0}}
+    graded = grades(build_swarm(scenario(**HUNTED | fast)))
+    assert graded.faster == "c makes 4.01 m/s, a flight 3.94"
+    assert graded.for_ever == ("a-obstacle 0",)
+    assert 1.0 < graded.until["a-c"] < 4.0
+    assert simulate(scenario(**HUNTED | fast)).promise.kept
 
 
 @pytest.mark.parametrize(
