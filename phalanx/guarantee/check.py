@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -147,13 +148,7 @@ def _boundary_condition(
         return None
     # Margins that are computed in the run count as 0.
     evaluate = rows.terms_of_all(max(rows.margin(i).eta for i in rows.swarm.normal))
-    worst, states = -math.inf, 0
-    seed = rows.swarm.seed
-    for y in random_states(seed, "boundary", low, high, 10 * _SAMPLES):
-        if states == _BOUNDARY_STATES:
-            break
-        if (inside(y) <= 0).all():
-            continue
-        total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
-        worst, states = max(worst, total), states + 1
-    return BoundaryCondition(states, worst) if states else None
+    states = random_states(rows.swarm.seed, "boundary", low, high, 10 * _SAMPLES)
+    outside = islice((y for y in states if not (inside(y) <= 0).all()), _BOUNDARY_STATES)
+    totals = [joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal) for y in outside]
+    return BoundaryCondition(len(totals), max(totals)) if totals else None

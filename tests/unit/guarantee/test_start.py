@@ -1,6 +1,7 @@
 """Facts of a start: whether K_i is empty, and the time promised before a run."""
 
 import re
+from itertools import product
 from pathlib import Path
 
 import casadi as ca
@@ -9,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import phalanx
 from phalanx.guarantee import start
 from phalanx.guarantee.certificate import highest_within
 from phalanx.guarantee.certificates import SwarmCertificates, certified_for
+from phalanx.guarantee.kept_distance import kept_distances
 from phalanx.guarantee.radio_reach import radio_reach
 from phalanx.guarantee.start import (
     Promise,
@@ -20,7 +23,8 @@ from phalanx.guarantee.start import (
     promised,
     rows_at_start,
 )
-from phalanx.scenario.load import load
+from phalanx.scenario.load import load, read_table
+from phalanx.scenario.model import Scenario
 from phalanx.swarm.points import agent_point
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -42,6 +46,36 @@ def test_two_agents_that_drive_at_each_other_meet_after_it(gap):
     promise = ahead("one-on-one", agents__1__start=[[0.0, -1.0 - gap]])
     assert 0.5 * gap - 2e-3 <= promise.time <= 0.5 * gap
     assert promise.pair == "1-2"
+
+
+def head_on(*speeds: float) -> Scenario:
+    """Normal agents at these speeds [m/s], each on its way to where the other starts."""
+    table = read_table("one-on-one") | {"duration": 5.0}
+    agent, track = table["agents"][0], {"type": "track", "gains": [2.0]}
+    table["agents"] = [
+        agent | {"names": [name], "start": [[x, 0.0]], "goal": [[-x, 0.0]], "law": track}
+        for name, x in (("1", -3.0), ("2", 3.0))
+    ]
+    for group, speed in zip(table["agents"], speeds, strict=True):
+        group["dynamics"] = agent["dynamics"] | {"speed": speed}
+    pairs = {"composition": "pairs", "information": "split", "margin": "integrated", "eta": 0.0}
+    table["safety"] |= {**pairs, "alpha": [5.0]}
+    return load(table)
+
+
+@pytest.mark.slow
+def test_two_that_want_to_pass_one_another_stop_where_a_check_says():
+    """The side that keeps more counts, whichever is declared first."""
+    distances = {
+        v: kept_distances(build_rows(build_swarm(head_on(*v)))) for v in product((1, 2), (1, 2))
+    }
+    run = phalanx.run(head_on(2, 2), engine="in-process")
+    a, b = np.split(run.recording.x[-1], 2)
+    assert distances[2, 2].distance == pytest.approx(np.linalg.norm(a - b), abs=1e-5)
+    assert sum(distances[2, 2].terms.values()) == pytest.approx(distances[2, 2].distance - 1.0)
+    assert distances[1, 2] == distances[2, 1]
+    assert distances[1, 2].distance > 0.5 * (distances[1, 1].distance + distances[2, 2].distance)
+    assert "0.062 by sampling period" in str(distances[2, 2])
 
 
 def test_agents_too_far_apart_to_meet_are_promised_the_whole_run():

@@ -131,3 +131,7 @@ def test_of_what_an_agent_has_heard_it_repeats_the_newest_and_no_more_than_it_ma
     fate = DeliveryReport(0, 0, 0.0, (), AnnouncedInput(1.0, ZERO, REST))
     ledger.sampled(3, 1.1, 1, REST, [fate], [])
     assert {l: ledger.known[3][l].k for l in (0, 1, 2)} == {0: 0, 1: -1, 2: 7}
+    ledger.known[0][3] = OwnStatement(9, 0.9, REST, 0.9, ZERO)
+    ledger.sampled(0, 1.0, 0, REST, [], [])
+    ledger.sampled(3, 1.1, 1, REST, [fate], [])
+    assert 3 not in ledger.known[3], "which is no peer of its own"
