@@ -230,13 +230,13 @@ class Drawing:
             return {"preset": preset}
         low, high = sorted(draw.choice((0.0, 0.01, 0.05, 0.3)) * draw.random() for _ in range(2))
         spread = {
-            "time": high, "jitter": low, "correlation": draw.choice((0.0, 0.5, 0.95)),
+            "time": low, "jitter": high, "correlation": draw.choice((0.0, 0.5, 0.95)),
             "distribution": draw.choice(("uniform", "normal", "pareto", "paretonormal")),
         }  # fmt: skip
         near, chance = self._room * draw.random(), draw.choice((0.1, 0.5, 1.0))
         times = [0.0, *sorted(draw.uniform(1e-3, 0.8) for _ in range(draw.randint(1, 9)))]
         floor = {"time": 0.02 * draw.random(), "per_metre": 0.02 * draw.random()}
-        burst = {"mean": draw.uniform(0.0, 0.5), "burst": draw.uniform(1.0, 8.0)}
+        burst = {"mean": draw.uniform(0.0, 0.5), "burst": draw.uniform(1.0, 3.0)}
         rate = {
             "bits_per_second": draw.choice((2e4, 1e5, 1e6)), "size": draw.choice((64.0, 128.0)),
             "limit": draw.randint(1, 5),

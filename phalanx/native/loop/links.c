@@ -91,7 +91,7 @@ static int treat(Run *r, I stage, const U *key, I k, double sent, Copy copy, dou
       after = after > 0.0 ? after : 0.0;
       break;
     case REORDER:
-      if ((k + 1) % (I)n[1] == 0 && copy.after != 0.0 && drawn(key, k, 0, 2) < n[0])
+      if ((k + 1) % (I)n[1] == 0 && drawn(key, k, 0, 2) < n[0])
         after = -copy.after;
       break;
     case RATE:

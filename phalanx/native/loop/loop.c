@@ -104,25 +104,14 @@ static void look_around(const Run *r, I i, I *seen, I *hearers) {
   }
 }
 
-/* Whether agent i counts on what it received of l, for an input that takes effect at t. */
+/* Whether agent i counts on what it received of l, for an input that takes effect at t. No lie is
+   eligible, so that each is within U_l. */
 static int believes(const Run *r, I i, I l, double t) {
-  I link = i * r->agents + l, m = r->input_at[l + 1] - r->input_at[l];
-  const double *u = r->received_u + link * MOST_INPUTS,
-               *face = r->faces + l * 2 * MOST_INPUTS * FACE;
+  I link = i * r->agents + l;
   double since = r->received_t[link];
   if (r->received[link] < 0) return 0;
-  if (r->information == 0   ? !(t - since <= r->silence)
-      : r->information == 1 ? !(t < since + r->unchanged[l] - INSTANT)
-                            : 1)
-    return 0;
-  int inside = 1;
-  for (I c = 0; c < m; ++c)
-    if (!(r->terms->low[r->input_at[l] + c] <= u[c] && u[c] <= r->terms->high[r->input_at[l] + c]))
-      inside = 0;
-  if (inside) return 1;
-  for (I f = 0; f < r->face_count[l]; ++f, face += FACE)
-    if (!(inner(m, face, u) <= face[MOST_INPUTS + 1])) return 0;
-  return 1;
+  if (r->information == 0) return t - since <= r->silence;
+  return r->information == 1 && t < since + r->unchanged[l] - INSTANT;
 }
 
 /* The age of each received input that agent i's row used, in the order in which they came. */

@@ -16,8 +16,8 @@ from phalanx.theory.arrays import Array
 
 MOST_INPUTS, MOST_AGENTS, RING = 8, 64, 256
 """Sizes in run.h: of one agent, of a run, and broadcasts that are kept of each."""
-FACE = MOST_INPUTS + 2
-"""Numbers of a row of U: with its bound, and the one that a received input may have."""
+FACE = MOST_INPUTS + 1
+"""Numbers of a row of U, with its bound."""
 _FOLDER = Path(__file__).parent
 _DTYPES = {"I": np.dtype(np.int64), "double": np.dtype(np.float64)}
 _PLACE = np.dtype(np.uint64)

@@ -18,7 +18,7 @@ enum {
   KEYS = 8,
   NUMBERS = 6,
   RING = 256,
-  FACE = MOST_INPUTS + 2
+  FACE = MOST_INPUTS + 1
 };
 enum { GOES_ON = 0, OVER = 1, FULL = 2, NOT_FINITE = -1, RULE_FAILED = -2, NO_ROOM = -3 };
 
@@ -97,7 +97,7 @@ typedef struct {
   /* Rows. */
   double *margin;
   I information;
-  double silence, *unchanged, *faces; /* [N][16][FACE] rows of U, with bounds and allowed ones */
+  double silence, *unchanged, *faces; /* [N][16][FACE] rows of U, with bounds */
   I *face_count;
   Terms *terms;
   Nearest nearest;

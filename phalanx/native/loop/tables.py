@@ -100,7 +100,6 @@ def _rows(rows: SafetyRows) -> dict[str, Any]:
     for i, polytope in polytopes.items():
         r, m = polytope.A.shape
         faces[i, :r, :m], faces[i, :r, MOST_INPUTS] = polytope.A, polytope.b
-        faces[i, :r, MOST_INPUTS + 1] = polytope.b + polytope.allowance
     return {
         "margin": [nan if m.adversary else rows.margin(i).eta for i, m in enumerate(swarm.members)],
         "information": {Paper: 0, InFlight: 1}.get(type(information), 2),

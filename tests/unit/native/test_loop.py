@@ -58,6 +58,13 @@ def test_verdict_and_recording_are_those_of_the_run_in_process(name):
     assert_same(phalanx.load(name, {"duration": 0.6}))
 
 
+@pytest.mark.parametrize("name", ["faults/reorder", "faults/loss"])
+def test_the_newest_input_counts_until_its_sender_is_silent_or_far(name):
+    """Older ones overtake it, and many are lost; those far away weigh nothing in the row."""
+    paper = {"safety.information": "paper", "safety.silence": 0.06, "safety.rho": 900.0}
+    assert_same(phalanx.load(name, {**paper, "safety.neighbourhood": 2.2, "duration": 0.6}))
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("name", TYPICAL + OTHERS)
