@@ -1,4 +1,4 @@
-"""Bounds on the time until one agent is caught, beside the attacks that are tried, over starts.
+"""Bounds on the time until one agent is caught, and attacks that are tried, over starts.
 
     python -m evidence.promise.grid [STARTS] [--only KIND]
 
