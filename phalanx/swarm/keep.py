@@ -207,7 +207,7 @@ def refusals_of(swarm: Swarm, i: int) -> list[Refusal]:
         if l != i and not isinstance(swarm.members[l].dynamics, Bounded):
             what = f"expected dynamics with `travel`, which bound how far {swarm.names[l]} can get"
             refusals.append(Refusal(f"dynamics of {swarm.names[l]}", what))
-    return refusals or _blind(swarm, i)
+    return refusals or ([] if safety.leaves else _blind(swarm, i))
 
 
 def _of_leaving(swarm: Swarm, i: int) -> list[Refusal]:

@@ -130,6 +130,12 @@ def test_pursuers_that_catch_a_unicycle_never_do_if_it_keeps_a_flight():
     assert summary.origins["fallback"] > 20
 
 
+def test_one_that_cannot_hold_a_place_may_flee_all_the_same():
+    pushed = {f"agents__{g}__disturbance": {"bound": 0.5, "kind": "adverse"} for g in (0, 1)}
+    assert grades(build_swarm(scenario(**HUNTED | pushed | {"safety__keep": "hold"}))).refusals
+    assert len(grades(build_swarm(scenario(**HUNTED | pushed))).for_ever) == 3
+
+
 def test_what_is_as_fast_as_a_flight_is_outrun_for_a_time():
     fast = {"agents__1__dynamics": {"type": "unicycle", "speed": 4.0, "turn_rate": 1.0}}
     graded = grades(build_swarm(scenario(**HUNTED | fast)))
