@@ -9,11 +9,9 @@ from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.plots.plots import Content, content, values_at
 from phalanx_viewer.scene.picture import Picture
 
-from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from tests.process.runs import HELD, PACED, live_run, wait_for
-from tests.process.viewer.pages import Watcher
+from tests.process.runs import PACED, live_run, wait_for
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
@@ -21,37 +19,6 @@ pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 @pytest.fixture(scope="module")
 def replay(finished: Path) -> Replay:
     return open_replay(finished)
-
-
-def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
-    with (
-        live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", PACED) as run,
-        run.watch() as live,
-    ):
-        watcher = Watcher(live)
-        # At t = 0 a live frame may be older than the first inputs, which a replay shows.
-        watcher.until(lambda frame: frame.t > 0.0)
-        live.command(CommandKind.FREEZE, agent="4")
-        live.command(CommandKind.PAUSE)
-        live_frame = watcher.until(lambda frame: frame.paused)
-        live.command(CommandKind.SPEED)
-        live.command(CommandKind.RESUME)
-        summary = run.summary()
-    again = open_replay(tmp_path / "live").frame(live_frame.t)
-    for name in ("t", "x", "agents", "pair", "worst_h"):
-        assert getattr(again, name) == getattr(live_frame, name)
-    assert read(tmp_path / "live").summary == summary
-
-
-def test_a_live_run_counts_false_broadcasts_as_its_replay_does(tmp_path: Path) -> None:
-    scenario = load("faults/lie-input", ["duration=0.6"])
-    with live_run(scenario, tmp_path / "live", HELD) as run, run.watch() as live:
-        run.set_speed(0.1)
-        lying = Watcher(live).until(lambda frame: frame.agents[1].lies > 0)
-        live.command(CommandKind.SPEED)
-        run.summary()
-    again = open_replay(tmp_path / "live").frame(lying.t)
-    assert [agent.lies for agent in again.agents] == [agent.lies for agent in lying.agents]
 
 
 def test_the_number_at_a_plot_is_the_runs_and_not_its_thinned_curves(replay: Replay) -> None:

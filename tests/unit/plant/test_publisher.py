@@ -49,7 +49,8 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
     """However late answers arrive, and however many events wait to be judged."""
     monkeypatch.setattr(publisher, "_EVERY", 0.0)
     monkeypatch.setattr(event_queue, "_LONGEST", longest)
-    rows = rows_of_scenario("unicycles", "duration=1.5", "time.latency=0.002")
+    lie = '{kind="lie", agent="2", says="opposite", for=1.0}'
+    rows = rows_of_scenario("unicycles", "duration=1.5", "time.latency=0.002", f"faults=[{lie}]")
     schedule = tuple(
         Command(t=t, kind=kind, agent="4")
         for kind, t in ((CommandKind.FREEZE, 0.5), (CommandKind.THAW, 1.0))
@@ -64,7 +65,9 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
         assert (frame.t, frame.agents) == (again.t, again.agents)
         assert (frame.x, frame.pair, frame.worst_h) == (again.x, again.pair, again.worst_h)
         assert (frame.h_tot, frame.h) == (again.h_tot, again.h)
-    assert sum(agent.backups for agent in audience.frames[-1].agents) > 0
+    last = audience.frames[-1].agents
+    assert sum(agent.backups for agent in last) > 0
+    assert last[1].lies > 0
 
 
 @pytest.mark.slow
