@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -18,7 +19,7 @@ import phalanx
 from phalanx.cli.app import FAILED, USAGE_ERROR, status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.simulation import RecordsInMemory, Simulation
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import load
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
@@ -42,6 +43,13 @@ SWAP = swarm_table(
     duration=8.0,
 )
 ATTACK = group("z", "adversary", [[3.0, 3.0]], "pursue", speed=0.5, period=0.05)
+FACING = {
+    "agents.0.count": 2, "agents.0.start": [[4.0, 0, 0, 0], [-4.0, 0, 0, 0]],
+    "agents.0.goal": [[-4.0, 0.0], [4.0, 0.0]], "agents.0.spread": [0, 0, 0, 0],
+    "agents.0.law": {"type": "give-way", "gains": [1, 2], "speed": 3, "push": 0},
+    "faults": [], "network.loss": 0,
+}  # fmt: skip
+"""Of two by radio, without losses."""
 AGAINST = {"agents": [*SWAP["agents"], ATTACK], "network": {"loss": 0.2, "delay": 0.03}}
 
 
@@ -52,8 +60,16 @@ def recorded(name: str | Mapping[str, Any], overrides: Mapping[str, Any], end: f
 
 
 @pytest.fixture(scope="module")
-def swap() -> Recording:
-    return recorded(SWAP, {}, 8.0)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a recorded run of SWAP."""
+    folder = tmp_path_factory.mktemp("swap")
+    Simulation(require_runnable(build_swarm(load(SWAP))), folder).run()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def swap(folder: Path) -> Recording:
+    return read(folder)
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +139,7 @@ def test_the_costs_of_a_row_are_those_of_the_filters_own_row(name, overrides, ag
 
 @pytest.mark.slow
 def test_an_agent_by_radio_is_held_by_the_age_of_what_it_knows():
-    steps = repeated(recorded("radio", {}, 3.0), "1", 3.0)
+    steps = repeated(recorded("radio", FACING | {"network.loss": 0.7}, 3.0), "1", 3.0)
     again = row_costs(steps.under(steps.rows))  # with all that it remembers
     assert [cost.terms for cost in again] == [cost.terms for cost in row_costs(steps)]
     own_parts = [cost for cost in row_costs(steps) if cost.part == "own part"]
@@ -132,7 +148,7 @@ def test_an_agent_by_radio_is_held_by_the_age_of_what_it_knows():
     in_metres = binding.in_metres()
     assert in_metres["required distance"] == pytest.approx(1.0)
     assert in_metres["age of what is known"] > 1.0
-    fresh = repeated(recorded("radio", {"network.loss": 0, "faults": []}, 3.0), "1", 3.0)
+    fresh = repeated(recorded("radio", FACING, 3.0), "1", 3.0)
     ages = [c.in_metres()["age of what is known"] for c in row_costs(fresh) if c.part == "own part"]
     assert max(ages) < in_metres["age of what is known"]
 
@@ -228,26 +244,24 @@ def test_the_worst_moment_is_where_an_input_is_farthest_from_its_wish(swap):
 
 
 @pytest.mark.slow
-def test_the_command_explains_a_recorded_run(tmp_path, capsys, monkeypatch):
+def test_the_command_explains_a_recorded_run(folder, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
-    scenario = load(SWAP)
-    Simulation(require_runnable(build_swarm(scenario)), tmp_path).run()
-    assert status(["explain", str(tmp_path), "--stuck", "--no-changes"]) == 0
+    assert status(["explain", str(folder), "--stuck", "--no-changes"]) == 0
     out = capsys.readouterr().out
     assert "Who waited for whom: a for c and d (" in out
-    assert status(["explain", str(tmp_path), "--stuck", "--no-changes", "--json"]) == 0
+    assert status(["explain", str(folder), "--stuck", "--no-changes", "--json"]) == 0
     graph = json.loads(capsys.readouterr().out)["deadlocks"]
     assert {node["agent"]: node["waits_for"] for node in graph}["c"] == ["a", "b"]
     assert "margin: sampling period" in out
-    numbers_of = ["explain", str(tmp_path), "--agent", "b", "--at", "2", "--json", "--no-changes"]
+    numbers_of = ["explain", str(folder), "--agent", "b", "--at", "2", "--json", "--no-changes"]
     assert status(numbers_of) == 0
     numbers = json.loads(capsys.readouterr().out)
     assert numbers["agent"] == "b"
     assert {row["other"] for row in numbers["rows"]} == {"a", "c", "d"}
-    assert status(["explain", str(tmp_path)]) == USAGE_ERROR
+    assert status(["explain", str(folder)]) == USAGE_ERROR
     assert "expected one of --at, --worst and --stuck" in capsys.readouterr().err
-    assert status(["explain", str(tmp_path), "--at", "1"]) == USAGE_ERROR
-    assert status(["explain", str(tmp_path), "--agent", "q", "--at", "1"]) == FAILED
+    assert status(["explain", str(folder), "--at", "1"]) == USAGE_ERROR
+    assert status(["explain", str(folder), "--agent", "q", "--at", "1"]) == FAILED
 
 
 @pytest.mark.slow
@@ -275,13 +289,7 @@ def test_advice_is_for_the_wish_that_was_recorded_whatever_the_law_remembers():
 
 @pytest.mark.slow
 def test_two_by_radio_stand_no_farther_apart_than_a_check_says_and_name_the_age():
-    facing = {
-        "agents.0.count": 2, "agents.0.start": [[4.0, 0, 0, 0], [-4.0, 0, 0, 0]],
-        "agents.0.goal": [[-4.0, 0.0], [4.0, 0.0]], "agents.0.spread": [0, 0, 0, 0],
-        "agents.0.law": {"type": "give-way", "gains": [1, 2], "speed": 3, "push": 0},
-        "faults": [], "network.loss": 0,
-    }  # fmt: skip
-    recording = recorded("radio", facing, 7.0)
+    recording = recorded("radio", FACING, 7.0)
     x = recording.x[-1]
     assert 1.0 < np.linalg.norm(x[:2] - x[4:6]) < phalanx.check(recording.scenario).radio.rest
     (row,) = explained(repeated(recording, "1", 7.0), changes=False).binding

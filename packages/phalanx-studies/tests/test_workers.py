@@ -129,7 +129,7 @@ def test_asked_again_it_runs_only_what_is_missing(tmp_path, pool):
     assert computed == [1, 0, 3]
 
 
-@pytest.mark.parametrize("killed", [b"..", b"ss"], ids=["workers", "fork servers"])
+@pytest.mark.parametrize("killed", [b"..", b"s"], ids=["workers", "fork server"])
 def test_a_worker_or_fork_server_that_dies_costs_its_run_only_some_time(killer, killed):
     overrides, deaths = killer
     deaths.write_bytes(killed)

@@ -120,9 +120,9 @@ def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(run):
 def test_agents_leave_by_themselves_when_the_hub_is_closed(phalanx, tmp_path):
     """Nothing is shared but Zenoh: there is no launcher here that could stop them."""
     endpoint = free_endpoint()
-    common = ("--scenario", "unicycles", "--run", "r", "--set", "time.timeout=600")
+    common = ("--scenario", "one-on-one", "--run", "r", "--set", "time.timeout=600", *LONG)
     plant = phalanx("plant", *common, "--listen", endpoint, "--folder", str(tmp_path))
-    agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
+    agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12"]
     recording = tmp_path / "recording.mcap"
     wait_for(lambda: recording.exists() and recording.stat().st_size > 100_000)
     plant.process.kill()

@@ -86,14 +86,12 @@ def shows_options(tab: "Tab") -> bool:
     return tab.get_by_text("Inputs", exact=True).is_visible()
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_all_texts_are_of_one_font_and_readable(tab: "Tab", replayed: Page, dark: bool) -> None:
-    set_display(tab, *(["Dark"] if dark else []))
+def test_all_texts_are_of_one_font_and_readable(tab: "Tab", replayed: Page) -> None:
     titles = {"Inputs", "Legend", "Choose from the worst pair"}
-    scheme = "dark" if dark else "light"
-    tab.locator(f"html[data-mantine-color-scheme={scheme}]").wait_for(state="attached")
-    for size in (DESK, PHONE):
+    for scheme, size in (("light", DESK), ("light", PHONE), ("dark", PHONE), ("dark", DESK)):
         tab.set_viewport_size(size)
+        set_display(tab, *(["Dark"] if (scheme, size) == ("dark", PHONE) else []))
+        tab.locator(f"html[data-mantine-color-scheme={scheme}]").wait_for(state="attached")
         wait_for(lambda: shows_options(tab))  # another layout folds them again
         wait_for(lambda: titles <= {text["text"] for text in tab.evaluate(TEXTS)})
         texts = tab.evaluate(TEXTS)

@@ -96,9 +96,9 @@ class Robot(GiveWay):
 
 
 FAULTS = [
-    {"kind": "partition", "at": 0.6, "for": 0.6, "groups": [["1", "2"]]},
-    {"kind": "kill", "agents": ["3"], "at": 0.5},
-    {"kind": "hijack", "agents": ["6"], "at": 0.8},
+    {"kind": "partition", "at": 0.2, "for": 0.3, "groups": [["1", "2"]]},
+    {"kind": "kill", "agents": ["3"], "at": 0.2},
+    {"kind": "hijack", "agents": ["6"], "at": 0.3},
 ]
 PROGRAM = {"agents.0.program": [sys.executable, str(EXAMPLES / "cart.py")]}
 
@@ -131,7 +131,7 @@ def test_programs_in_two_languages_give_the_bits_of_the_same_law_inside(tmp_path
 @pytest.mark.slow
 def test_programs_know_their_peers_by_radio_in_spite_of_faults(tmp_path: Path) -> None:
     robot, programs = Robot(gains=(1.0, 4.0), speed=3.0), in_both_languages("robot", tmp_path)
-    run = same_bits("radio", robot, programs, duration=1.4, faults=FAULTS)
+    run = same_bits("radio", robot, programs, duration=0.6, faults=FAULTS)
     assert run.verdict == "safe"
     assert all(fault.count for fault in run.summary.faults)
 

@@ -38,7 +38,7 @@ def test_of_an_agent_that_turned_twins_get_what_it_applies():
 
 def test_by_radio_it_grows_with_the_time_between_broadcasts_and_with_their_loss():
     def mean(**fields: object) -> float:
-        scenario = phalanx.load("radio", {**PERFECT, "duration": 1.5, **fields})
+        scenario = phalanx.load("radio", {**PERFECT, "duration": 1.1, **fields})
         return float(np.mean([step.effect for step in network_effect(scenario)]))
 
     rare = {"agents.0.radio.every": 10}

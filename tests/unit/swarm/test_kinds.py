@@ -35,10 +35,15 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
     return (start + states) / (1 + np.arange(count) % 7)[:, None]
 
 
-# Faults leave the safe set as it is.
+SAFE_SETS = [name for name in shipped() if not name.startswith("faults/")]
+"""Faults leave the safe set as it is."""
+NEAR = ("unicycles", "swarm2d", "formation3d", "formation3d-distance", "warehouse", "quadrotors")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in shipped() if not name.startswith("faults/")])
-@pytest.mark.parametrize("radius", [None, 6.0])
+@pytest.mark.parametrize(
+    ("name", "radius"), [*((name, None) for name in SAFE_SETS), *((name, 6.0) for name in NEAR)]
+)
 def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     rows = rows_of_kinds(name)
     swarm, safety = rows.swarm, rows.swarm.safety
