@@ -371,7 +371,7 @@ MUTANTS = (
            "continued(motion, reference, t, self._velocity)", "continued(motion, reference, t)",
            _TEST_EXIT),
     Mutant("a chaser as fast as the exit", _EXIT,
-           "np.where(self.speeds < fastest, least, -np.inf)", "least", _TEST_EXIT),
+           "slower, shares = speeds < fastest,", "slower, shares = speeds < np.inf,", _TEST_EXIT),
     Mutant("a chaser's first speed", _EXIT, "least - self.offsets", "least", _TEST_EXIT),
     Mutant("all velocities in the moving frame", _COMMITTED,
            "inputs.b - dot(inputs.A, velocity)", "inputs.b", _TEST_EXIT),

@@ -150,9 +150,10 @@ def test_a_controller_asks_for_how_long_all_pairs_in_sight_are_certified():
 
 @pytest.mark.parametrize(("jitter", "holds"), [(0.0, False), (0.004, True)])
 def test_a_start_has_to_be_certified_until_the_earliest_next_input(jitter, holds):
-    """Agent 2 comes at 3 m/s, agent 1 flees at 1 m/s: they meet after about 8 ms."""
+    """Agent 2 comes at 3 m/s, agent 1 flees at 1 m/s: they meet after about 8 ms; 3 is far."""
     chased = "agents.1.dynamics.speed=3.0", "agents.1.start=[[0.0, -1.016]]"
-    swarm = swarm_of_scenario("one-on-one", *chased, f"agents.0.clock.jitter={jitter}")
+    two = 'agents.0.names=["1", "3"]', "agents.0.start=[[0.0, 0.0], [9.0, 0.0]]"
+    swarm = swarm_of_scenario("one-on-one", *chased, *two, f"agents.0.clock.jitter={jitter}")
     assert 0.006 < longest_certificate(swarm, 0, swarm.start()) < 0.01
     assert certified_start(swarm).holds == holds
 

@@ -89,6 +89,24 @@ def test_frames_bring_the_beliefs_of_a_replay_and_make_up_for_lost_ones(
             of_peer = {b.peer: (b.age, *b.corners.ravel()) for b in of_replay}
             assert {b.peer: (b.age, *b.corners.ravel()) for b in of_live} == of_peer
     assert [len(live.beliefs.at(1, t)) for t in (0.59, 0.8)] == [7, 0]
+    assert any(event.delay < 0.0 for frame in frames for event in frame.link_events), "one is lost"
+
+
+@pytest.mark.slow
+def test_of_violations_frames_bring_first_the_one_that_lasts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frozen robot drives through one obstacle and ends in another."""
+    monkeypatch.setattr(publisher, "_EVERY", 0.0)
+    monkeypatch.setattr(event_queue, "_LONGEST", 0.0)
+    obstacles = ", ".join(
+        f"{{center = [{x}, 0.0], clearance = {r}}}" for x, r in ((3, 0.5), (6, 1))
+    )
+    changes = "agents.0.goal=[[9.0, 0.0]]", "agents.0.dynamics.speed=8.0"
+    rows = rows_of_scenario("one-on-one", "duration=0.75", f"obstacles=[{obstacles}]", *changes)
+    policy, audience = CommandPolicy((Command(0.1, CommandKind.FREEZE, "1"),)), Audience()
+    plant_run(rows, DirectAgents(rows, silent), tmp_path, policy, audience=audience)
+    assert [violation.end is None for violation in audience.frames[-1].violations] == [True, False]
 
 
 @pytest.mark.slow

@@ -135,3 +135,8 @@ def test_of_what_an_agent_has_heard_it_repeats_the_newest_and_no_more_than_it_ma
     ledger.sampled(0, 1.0, 0, REST, [], [])
     ledger.sampled(3, 1.1, 1, REST, [fate], [])
     assert 3 not in ledger.known[3], "which is no peer of its own"
+    slow = DeliveryReport(0, 0, 0.5, (), fate.claim)
+    ledger.sampled(3, 1.2, 2, REST, [slow], [])
+    ledger.restarted(3)
+    ledger.sampled(3, 2.0, 3, REST, [], [])
+    assert not ledger.known[3], "what is on its way reaches no later process"
