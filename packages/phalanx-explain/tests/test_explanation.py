@@ -202,6 +202,8 @@ def test_a_given_margin_is_called_by_its_name():
     costs = row_costs(repeated(recorded(SWAP, given, 0.3), "a", 0.3))
     assert [cost.terms["margin: η as given"] for cost in costs] == [0.25] * 3
     assert all("margin: sampling period" not in cost.terms for cost in costs)
+    unknown = costs[0]._replace(terms={WISH: 1.0, "margin": np.nan}, slack=np.nan)
+    assert unknown.binds, "no input satisfies what is not known"
 
 
 @pytest.mark.slow

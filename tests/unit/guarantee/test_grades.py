@@ -55,7 +55,9 @@ def test_check_grades_each_pair():
     sentences = words()
     assert "Promised before the run, under any filter and network: a-b, a-obstacle 0" in sentences
     assert "a-rogue, b-rogue passively" in sentences
-    assert "With safety.keep = 'hold': promised" in words(safety__keep=None)
+    without = words(safety__keep=None)
+    assert "With safety.keep = 'hold': promised" in without
+    assert ("moves by itself" in sentences, "moves by itself" in without) == (True, False)
 
 
 @pytest.mark.slow

@@ -119,6 +119,14 @@ def test_a_promise_is_rounded_down_in_words():
     assert "Promised for the first 0.187 s: " in str(Promise(0.1879, "1-2"))
 
 
+@pytest.mark.parametrize(("distance", "has_one"), [(1.1, False), (1.15, True)])
+def test_one_row_of_all_pairs_has_an_input_if_its_worst_sum_is_not_positive(distance, has_one):
+    """The adversary is as fast: 1 - d² + η is left, of η = 0.3."""
+    start = {"agents.1.start": [[0.0, -distance]]}
+    rows = build_rows(build_swarm(load("one-on-one", start)))
+    assert rows_at_start(rows) == {"1": has_one}
+
+
 def test_an_agent_that_sees_no_other_may_apply_any_input():
     far = {"agents.0.start": [[0.0, 0.0], [900.0, 0.0]], "agents.0.names": ["1", "3"]}
     alone = {**far, "safety.composition": "pairs", "safety.neighbourhood": 5.0}

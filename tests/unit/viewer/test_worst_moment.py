@@ -134,6 +134,7 @@ def test_pairs_without_a_normal_agent_are_neither_the_worst_nor_an_alarm(tmp_pat
     late = replay.frame(excluded.worst_at)
     picture = Picture(replay.model, late)
     assert late.worst_h == pytest.approx(violation.worst)
+    assert [(v.count, v.begin) for v in late.violations] == [(1, violation.begin)]
     assert "1-hunter" not in replay.model.label(late.pair)
     assert (picture.unsafe_lines, picture.unsafe_ends.tolist()) == ([], [])
     assert any("1-hunter: " in line and "not counted" in line for line in picture.past_lines)

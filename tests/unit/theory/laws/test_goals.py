@@ -40,9 +40,9 @@ def test_a_path_is_passed_at_its_speed_and_then_rests():
     path = PathAtSpeed(CORNER, speed=2.0)
     assert position(path, 0.5) == [1.0, 0.0]
     assert position(path, 2.5) == [3.0, 2.0]
-    assert path.goal(sight(2.5)).velocity.tolist() == [0.0, 2.0]
+    assert path.goal(sight(1.5)).velocity.tolist() == [0.0, 2.0]
     assert position(path, 4.0) == [3.0, 4.0] == path.end().tolist()
-    assert not path.goal(sight(4.0)).velocity.any()
+    assert not path.goal(sight(3.5)).velocity.any()
 
 
 def test_waypoints_are_reached_at_their_times():
