@@ -1,6 +1,6 @@
 """Run seven scenarios by radio, and with two baselines and the truth, over losses of broadcasts.
 
-    python -m evidence.knowledge.showcases ROWS [SEEDS]
+    python -m evidence.knowledge.showcases ROWS [SEEDS] [SCENARIO ...]
 
 `ROWS` keeps a line of JSON for each run: what is there is not run again. The truth is the same
 agents without a radio, who see all peers, so that its runs are the same at any loss. All
@@ -135,10 +135,11 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("rows", type=Path)
     arguments.add_argument("seeds", type=int, nargs="?", default=10)
+    arguments.add_argument("scenarios", nargs="*", default=list(SHOWCASES))
     chosen = arguments.parse_args()
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str, float], list[Row]]()
-    for seed, (*cell, overrides) in product(range(chosen.seeds), list(cells())):
-        name, kind, loss = cell
+    wanted = [cell for cell in cells() if cell[0] in chosen.scenarios]
+    for seed, (name, kind, loss, overrides) in product(range(chosen.seeds), wanted):
         table.setdefault((name, kind, loss), []).append(rows(name, overrides, seed))
     print(
         "| scenario | beliefs and rows | loss | guaranteed | safe | violated | rate, 95 % |"
