@@ -14,16 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from evidence.knowledge.showcases import Row, Rows, radio_of
+from evidence.knowledge.showcases import SHOWCASES, Row, Rows, radio_of
 from phalanx.launcher.network_effect import network_effect
 from phalanx.scenario.model import Scenario
 
 DURATIONS = {
     "radio": 6.0,
     "crossing-radio": 8.0,
-    "warehouse-radio": 8.0,
-    "guaranteed-radio": 5.0,
+    "fence": 6.0,
+    "guaranteed-radio": 4.0,
 }
+"""Of the runs of each scenario [s]."""
 CELLS: Mapping[str, tuple[float, float, float]] = {
     "loss 0": (0.0, 0.05, 1.0),
     "loss .3": (0.3, 0.05, 1.0),
@@ -47,16 +48,19 @@ def measured(scenario: Scenario) -> Row:
 
 def cells() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Yield scenario, cell and overrides of each cell."""
-    for (name, duration), (cell, (loss, delay, longer)) in product(
-        DURATIONS.items(), CELLS.items()
-    ):
+    for name, (cell, (loss, delay, longer)) in product(DURATIONS, CELLS.items()):
         radio = radio_of(name)
         radio = {**radio, "every": max(1, int(longer * radio["every"]))}
         network = {"network.loss": loss, "network.delay": delay, "faults": []}
-        yield name, cell, {"duration": duration, "agents.0.radio": radio, **network}
-    for name, duration in DURATIONS.items():
+        yield name, cell, {**settings(name), "agents.0.radio": radio, **network}
+    for name in DURATIONS:
         worst = {"network.loss": 0.7, "network.delay": 0.2, "faults": []}
-        yield name, CONTROL, {"duration": duration, "agents.0.radio": None, **worst}
+        yield name, CONTROL, {**settings(name), "agents.0.radio": None, **worst}
+
+
+def settings(name: str) -> dict[str, Any]:
+    """Return what is set of a scenario."""
+    return {**SHOWCASES[name], "duration": DURATIONS[name]}
 
 
 def span(values: Sequence[float]) -> str:

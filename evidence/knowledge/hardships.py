@@ -1,6 +1,6 @@
 """Put each scenario by radio through what a field has in store, and see whether its agents go on.
 
-    python -m evidence.knowledge.hardships ROWS [SEEDS]
+    python -m evidence.knowledge.hardships ROWS [SEEDS] [SCENARIO ...]
 
 Partitions of 2 and 5 s between halves of the swarm, an agent that dies and is replaced a second
 later, starts that agents do not know, and in `radio` a stranger who crosses: all others have
@@ -80,9 +80,12 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("rows", type=Path)
     arguments.add_argument("seeds", type=int, nargs="?", default=3)
+    arguments.add_argument("scenarios", nargs="*", default=list(SHOWCASES))
     chosen = arguments.parse_args()
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str], list[Row]]()
-    cells = [c for c in product(SHOWCASES, HARDSHIPS) if c[1] != "stranger" or c[0] == "radio"]
+    cells = [
+        c for c in product(chosen.scenarios, HARDSHIPS) if c[1] != "stranger" or c[0] == "radio"
+    ]
     for seed, (name, hardship) in product(range(chosen.seeds), cells):
         settings = overrides(name, hardship)
         row = rows(name, settings, seed)
