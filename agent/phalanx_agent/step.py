@@ -97,9 +97,9 @@ class ControlStep:
         self._heard, self._peers = frozenset(swarm.heard_by(i)), frozenset(swarm.peers(i))
         self._broadcasters = {b.i: b for b in swarm.broadcasters.values()}
         peers = {l: self._broadcasters[l].every for l in self._peers}
-        self.inbox = BroadcastInbox(swarm.heard_by(i), self._link, peers)
         radio = swarm.groups[i].radio
-        self._relays = radio.relays if radio else 0
+        self._relays, stamp_error = (radio.relays, radio.stamp_error) if radio else (0, 0.0)
+        self.inbox = BroadcastInbox(swarm.heard_by(i), self._link, peers, stamp_error)
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = StateCodec(swarm)

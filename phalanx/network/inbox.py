@@ -118,6 +118,7 @@ class BroadcastInbox:
         senders: Iterable[int],
         link: Callable[[int], Link],
         peers: Mapping[int, int] = MappingProxyType({}),
+        stamp_error: float = 0.0,
     ) -> None:
         """Accept broadcasts of some senders only.
 
@@ -126,9 +127,10 @@ class BroadcastInbox:
             link: creates the link from a sender, at its first broadcast: in a large swarm most
                 senders stay out of sight.
             peers: of the senders those known by radio, each with its samples per broadcast.
+            stamp_error: bound on the error of a stated time [s].
         """
         self._incoming = {sender: Incoming(peers.get(sender, 1)) for sender in senders}
-        self._peers = peers.keys()
+        self._peers, self._stamp_error = peers.keys(), stamp_error
         self._make_link = link
         self._override: tuple[float | None, float | None] = None, None
         self._in_sight: Set[int] = frozenset()
@@ -230,16 +232,16 @@ class BroadcastInbox:
         due.sort(key=_SENDER)
         self.delivered = due
         for sender, message in due:
-            self._keep(sender, message)
+            self._keep(sender, message, t)
             for statement in message.relays:
                 if statement.sender in self._peers:
-                    self._keep(statement.sender, statement)
+                    self._keep(statement.sender, statement, t)
 
-    def _keep(self, sender: int, message: SentInput) -> None:
-        incoming = self._incoming[sender]
-        # A slow broadcast may be delivered after one that was sent later.
-        if message.k > incoming.newest:
-            incoming.newest, self.received[sender] = message.k, message
+    def _keep(self, sender: int, message: SentInput, t: float) -> None:
+        incoming, newest = self._incoming[sender], (message.t, message.k)
+        # A slow one may come after one that was sent later; one of the future is a lie.
+        if message.t <= t + self._stamp_error and newest > incoming.newest:
+            incoming.newest, self.received[sender] = newest, message
 
     def _decide(
         self, sender: int, latest: int, t: float, distance: Callable[[int], float]
@@ -300,8 +302,8 @@ class Incoming:
         """The last broadcast that the link has decided."""
         self.arrived: dict[int, tuple[SentBroadcast, float]] = {}
         """By number: broadcasts not decided yet, each with its time of arrival [s]."""
-        self.newest = -1
-        """The newest broadcast delivered."""
+        self.newest = (-math.inf, -1)
+        """Of the newest broadcast delivered: time [s], 0 without a radio, and number."""
 
     def missing(self, since: int, latest: int) -> list[int]:
         """Return the numbers in this range that are neither decided nor stored."""

@@ -373,7 +373,7 @@ def test_no_room_is_larger_than_its_budget():
 # The aims of issue T alone were 14 500 lines for an agent and 21 800 for a run in this process; the
 # rest are knowledge by radio, promises, exact minimisers and whole runs in C.
 @pytest.mark.parametrize(
-    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_250)]
+    ("program", "most"), [("phalanx_agent.main", 15_530), ("phalanx.launcher.simulation", 23_255)]
 )
 def test_a_program_reaches_few_lines(program, most):
     files = dict(modules())

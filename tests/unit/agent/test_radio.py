@@ -72,8 +72,12 @@ def test_an_inbox_keeps_the_newest_statement_direct_or_relayed():
     inbox.put(2, broadcast(10, statement(1, 0)))
     assert not inbox.lacks({1: (0, 0), 2: (1, 10)}), "only each fifth sample has a broadcast"
     assert inbox.missing({1: (0, 9)}) == {1: [5]}
-    inbox.advance({1: (0, 0), 2: (1, 10)}, 2.0)
+    inbox.advance({1: (0, 0), 2: (1, 10)}, 1.6)
     assert {l: s.k for l, s in inbox.received.items()} == {1: 5, 2: 10}
+    of_the_future = [msgspec.structs.replace(statement(1, 99), t=t) for t in (0.6, 1.7)]
+    inbox.put(2, broadcast(15, statement(1, 10), *of_the_future))
+    inbox.advance({1: (0, 0), 2: (1, 15)}, 1.6)
+    assert inbox.received[1].k == 10, "neither a time nor a number of the future counts"
 
 
 @pytest.mark.slow
