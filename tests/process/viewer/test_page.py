@@ -225,7 +225,7 @@ def test_text_of_a_recording_is_text_on_the_page(
         assert page.process.wait(60) == 0
 
 
-def test_the_page_explains_the_chosen_agents_input_at_the_time_shown(
+def test_the_page_explains_the_input_at_the_time_shown_and_no_longer_once_it_is_closed(
     tab: "Tab", finished: Path
 ) -> None:
     replay = open_replay(finished)
@@ -239,13 +239,6 @@ def test_the_page_explains_the_chosen_agents_input_at_the_time_shown(
         expected = explain(read(finished), "1", replay.t).sentences()[0]
         assert expected.startswith("Agent 1 at t = 1.99")
         tab.get_by_text(expected).wait_for()
-
-
-def test_a_page_that_is_closed_leaves_no_explanation_behind(tab: "Tab", finished: Path) -> None:
-    with served(open_replay(finished)) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("5 agents (2 adversaries)").wait_for()
-        tab.get_by_text("Explanation", exact=True).click()
         tab.get_by_role("button", name="Explain the agent's input").click()
         tab.get_by_text("Explaining agent").wait_for()
         (visitor,) = page.visitors.values()
