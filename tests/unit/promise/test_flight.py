@@ -38,13 +38,14 @@ def nearest(x, u, flight, chaser, push, gaps, fly=FLIGHTS.input) -> float:
 
 
 def random_case(rng):
-    """A state, an input, a way out, and a chaser anywhere, as slow as a wall or not."""
+    """A state, an input, a way out, and a chaser: as slow as a wall, or faster, for 2 s."""
     x = np.array([*rng.uniform(-1.0, 1.0, 2), rng.uniform(-pi, pi)])
     u = np.array([rng.uniform(-4.0, 4.0), rng.uniform(-2.0, 2.0)])
     flight = Flight(float(x[2] + rng.choice([0.0, rng.uniform(-pi, pi)])), rng.choice([-1.0, 1.0]))
     angle = rng.uniform(-pi, pi)
     place = x[:2] + rng.uniform(1.0, 8.0) * np.array([cos(angle), sin(angle)])
-    return x, u, flight, Chasers(place[None], np.zeros(1), rng.choice([0.0, 1.5], 1), np.zeros(1))
+    speed = rng.choice([0.0, 1.5, 5.0], 1)
+    return x, u, flight, Chasers(place[None], np.zeros(1), speed, np.array([2.0]))
 
 
 def pushes(rng):
