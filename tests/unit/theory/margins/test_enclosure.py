@@ -35,7 +35,7 @@ def compiled(dynamics, constant_input, proven=False):
         e = enclose(member, x, inputs, PHI, T, INFLATIONS)
     ends = [ca.vertcat(*side) for side in zip(*e.states, strict=True)]
     box = CompiledFunction([x, e.u, T], [*ends, e.certain])
-    return box, CompiledFunction([x, e.u, e.phi], [e.rate])
+    return box, CompiledFunction([x, e.u, e.phi], [e.rate + e.phi])
 
 
 @pytest.mark.slow
