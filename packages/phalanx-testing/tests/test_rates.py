@@ -49,6 +49,7 @@ def test_a_decision_takes_no_more_runs_than_it_needs():
     assert decided(itertools.repeat(True), 0.2).runs < 10
     assert next(hits) in (True, False), "no hit was taken that did not count"
     assert decided(itertools.repeat(True), beta_mixture(7, 7).low).runs == 7, "at the bound itself"
+    assert decided(itertools.repeat(True, 9), 1.0).below is None
 
 
 @pytest.mark.slow

@@ -37,6 +37,7 @@ def test_a_crazyflie_starts_where_it_is_put_and_moves_on_from_there():
     first = flown([0.0, 0.0, 0.0], 1e-3)[0]
     np.testing.assert_allclose(first, START, atol=1e-2)
     np.testing.assert_allclose(first[:3] - START[:3], 1e-3 * START[3:6], atol=1e-5)
+    assert len(flown([0.0, 0.0, 0.0], 10.5e-3)) == 11, "no step is longer than 1 ms"
 
 
 @pytest.mark.parametrize("drone", ["cf2x_L250", "cf2x_P250", "cf2x_T350", "cf21B_500"])

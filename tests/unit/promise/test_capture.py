@@ -65,3 +65,5 @@ def test_at_the_printed_disturbance_no_agent_of_simulation_2_gets_away():
     exit_, for_ever = captures.sentences
     assert "4 makes 5.12 m/s with its disturbance, 0 2.85" in exit_
     assert "4 closes at 0.171 m/s or more, with the disturbances of both" in for_ever
+    (faster,) = impossible(swarm_of_scenario("unicycles", "agents.1.dynamics.speed=9.0")).sentences
+    assert "no bound would do" in faster

@@ -15,10 +15,11 @@ from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.report.html import table
-from phalanx.report.safety import worst
+from phalanx.report.safety import _required, worst
 from phalanx.report.write import REPORT, write_report
 from phalanx.scenario.load import load
 from phalanx.scenario.model import digest
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.exact import LARGEST_SUM
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 
@@ -42,6 +43,11 @@ def test_the_contents_lead_to_every_section(reported: Path) -> None:
     assert names == re.findall(r'<section id="([\w-]+)">', page)
     assert len(set(names)) > 6
     assert page.index("<img") < page.index("<nav>") < page.index("<h2>")
+
+
+def test_an_obstacle_asks_for_another_distance_than_agents_do() -> None:
+    scenario = load("one-on-one", {"obstacles": [{"center": [9.0, 0.0], "clearance": 2.0}]})
+    assert _required(build_swarm(scenario).safe_set.pairs, scenario) == {1.0, 2.0}
 
 
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:

@@ -142,3 +142,4 @@ def test_pairs_without_a_normal_agent_are_neither_the_worst_nor_an_alarm(tmp_pat
     times = [t for t, (now, _) in zip(run.recording.times, scenes, strict=True) if now]
     assert times
     assert max(times) <= violation.end
+    assert [over for _, over in scenes if over] == [["1-hunter"]]
