@@ -130,7 +130,7 @@ BUDGET: Mapping[str, int] = {
     "knowledge": 1685,
     "launcher": 2335,
     "messages": 915,
-    "native": 3057,
+    "native": 3052,
     "network": 1595,
     "plant": 5875,
     "promise": 810,

@@ -7,7 +7,7 @@ import numpy as np
 from phalanx_plant.judge.event_columns import Columns
 from phalanx_plant.world.segments import Segments
 
-from phalanx.native.loop.memory import Memory
+from phalanx.native.loop.memory import MOST_IN_SEGMENT, Memory
 from phalanx.native.loop.steps import Lists, Steps, written, written_steps
 from phalanx.recording.columns import ORIGINS, Aged, Inputs, Samples, Stated, States
 from phalanx.swarm.rows import SafetyRows
@@ -17,7 +17,6 @@ from phalanx.theory.rows.origin import Origin
 _MADE_BY = Origin.QP, Origin.SOLVER_FAILED, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.ATTACK
 _ORIGINS = np.array([ORIGINS[origin] for origin in _MADE_BY])
 """By number, as terms.c has them."""
-_MOST_IN_SEGMENT = 4
 _MOST_CLAIMS = 2048
 """Broadcasts of a sender that a later report may be about, and those of a call."""
 _RESULTS = "instants", "segments", "steps", "ages", "fates", "bindings", "applied"
@@ -143,12 +142,12 @@ class ColumnReader:
         n, axes = len(self.x), self._swarm.groups[0].axes
         t, counts, phi = column("t"), column("steps"), column("phi", n)
         self._knots += [(float(t[s]), phi[s]) for s in np.flatnonzero(column("knot")).tolist()]
-        some = np.arange(_MOST_IN_SEGMENT) < counts[:, None]
+        some = np.arange(MOST_IN_SEGMENT) < counts[:, None]
         return Segments(
             np.zeros_like(counts), t, column("dt"), counts, phi, column("slope", n),
             column("u", int(self._sizes.sum())), column("start", n),
-            column("x", _MOST_IN_SEGMENT, n)[some],
-            column("p", _MOST_IN_SEGMENT, len(self._sizes), axes)[some],
+            column("x", MOST_IN_SEGMENT, n)[some],
+            column("p", MOST_IN_SEGMENT, len(self._sizes), axes)[some],
         )  # fmt: skip
 
     def _with_claims(self, steps: Steps) -> Steps:

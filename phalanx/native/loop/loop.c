@@ -1,7 +1,5 @@
 /* The run from instant to instant: integrate, sample, decide, apply, as the lockstep clock does. */
 
-enum { MOST_IN_SEGMENT = 4 };
-
 static double knot(const Run *r, I i, I number, I component) {
   I size = r->state_at[i + 1] - r->state_at[i];
   return r->half_width[i] * (2.0 * drawn(r->knot_key + 2 * i, number, component, size) - 1.0);
@@ -83,7 +81,6 @@ static int integrate(Run *r, double until) {
     memcpy(r->p, p + (count - 1) * axes, axes * sizeof(double));
     r->segment_t[s] = begin;
     r->segment_dt[s] = dt;
-    r->segment_end[s] = r->t;
     r->segment_steps[s] = count;
     r->segment_knot[s] = knot;
     ++r->segments;

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from phalanx.theory.arrays import Array
 
-MOST_INPUTS, MOST_AGENTS, RING = 8, 64, 256
-"""Sizes in run.h: of one agent, of a run, and broadcasts that are kept of each."""
+MOST_INPUTS, MOST_AGENTS, RING, MOST_IN_SEGMENT = 8, 64, 256, 4
+"""Sizes in run.h: inputs, agents, broadcasts kept of each, integration steps of a segment."""
 FACE = MOST_INPUTS + 1
 """Numbers of a row of U, with its bound."""
 _FOLDER = Path(__file__).parent

@@ -18,6 +18,7 @@ enum {
   KEYS = 8,
   NUMBERS = 6,
   RING = 256,
+  MOST_IN_SEGMENT = 4,
   FACE = MOST_INPUTS + 1
 };
 enum { GOES_ON = 0, OVER = 1, FULL = 2, NOT_FINITE = -1, RULE_FAILED = -2, NO_ROOM = -3 };
@@ -138,7 +139,7 @@ typedef struct {
   double *instant_t;
   I *instant_steps, *instant_applied, *instant_segments; /* ends */
   I segments;
-  double *segment_t, *segment_dt, *segment_end;
+  double *segment_t, *segment_dt;
   I *segment_steps, *segment_knot;
   double *segment_phi, *segment_slope, *segment_u, *segment_start;
   double *segment_x, *segment_p; /* [segments][4][n] and [N][d] */

@@ -14,7 +14,7 @@ from phalanx_plant.world.world import RungeKutta
 from phalanx.native.loop.goals import goal_tables
 from phalanx.native.loop.kernels import Kernels, begins
 from phalanx.native.loop.laws import law_table, law_tables
-from phalanx.native.loop.memory import FACE, MOST_INPUTS, RING, Memory
+from phalanx.native.loop.memory import FACE, MOST_IN_SEGMENT, MOST_INPUTS, RING, Memory
 from phalanx.native.loop.pairs import pair_tables
 from phalanx.native.loop.rules import rule_tables, words_of
 from phalanx.native.loop.terms import terms_memory
@@ -27,8 +27,6 @@ from phalanx.theory.rows.nearest_in_box import compiled_nearest
 
 _INSTANTS, _SEGMENTS, _FATES, _FLIGHTS = 1024, 2048, 32768, 4096
 """Room for results of one call, and for copies that are under way."""
-_STEPS = 4
-"""Integration steps of a segment, at most."""
 
 
 class RunMemory:
@@ -138,12 +136,12 @@ def _results(count: int, axes: int, n: int, m: int) -> dict[str, Any]:
     return {
         "instants": 0, "instant_t": instants, "instant_steps": instants,
         "instant_applied": instants, "instant_segments": instants,
-        "segments": 0, "segment_t": segments, "segment_dt": segments, "segment_end": segments,
+        "segments": 0, "segment_t": segments, "segment_dt": segments,
         "segment_steps": segments, "segment_knot": segments,
         "segment_phi": np.zeros((_SEGMENTS, n)), "segment_slope": np.zeros((_SEGMENTS, n)),
         "segment_u": np.zeros((_SEGMENTS, m)), "segment_start": np.zeros((_SEGMENTS, n)),
-        "segment_x": np.zeros((_SEGMENTS, _STEPS, n)),
-        "segment_p": np.zeros((_SEGMENTS, _STEPS, count, axes)),
+        "segment_x": np.zeros((_SEGMENTS, MOST_IN_SEGMENT, n)),
+        "segment_p": np.zeros((_SEGMENTS, MOST_IN_SEGMENT, count, axes)),
         "first_step": 0, "steps": 0, "step_i": steps, "step_k": steps, "step_t": steps,
         "step_origin": steps, "step_residual": steps, "step_margin": steps,
         "step_wish": np.zeros((most_steps, MOST_INPUTS)),
