@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from itertools import combinations, pairwise
+from typing import Any
 
 import casadi as ca
 import msgspec
@@ -23,6 +24,7 @@ from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.rows.origin import Origin
+from tests.unit.tables import group, swarm_table
 
 OWN = '''
 from dataclasses import dataclass
@@ -134,27 +136,12 @@ def small_scenario(
     duration: float | None = None,
 ) -> Scenario:
     """A normal agent and, if x has a second state, an adversary."""
-    group = {
-        "dynamics": dynamics,
-        "law": {"type": "worst"},
-        "clock": {"period": period},
-        "disturbance": {"bound": bound},
-    }
-    roles = list(zip(("normal", "adversary"), ("1", "2"), x, strict=False))
-    return Scenario.model_validate(
-        {
-            "name": "two",
-            "duration": duration or period,
-            "safety": {
-                "function": function or {"type": "separation", "radius": 1.0},
-                "rho": 1.0,
-                "alpha": [1.0],
-                "eta": 0.0,
-            },
-            "obstacles": obstacles,
-            "agents": [group | {"names": [n], "role": r, "start": [s]} for r, n, s in roles],
-        }
-    )
+    roles = zip("12", ("normal", "adversary"), x, strict=False)
+    fields: Any = {"dynamics": dynamics, "disturbance": {"bound": bound}, "period": period}
+    agents = [group(name, role, [start], "worst", **fields) for name, role, start in roles]
+    safety = {"rho": 1.0, "eta": 0.0} | ({"function": function} if function else {})
+    lasts = duration or period
+    return load(swarm_table(*agents, safety=safety, obstacles=list(obstacles), duration=lasts))
 
 
 def step(agent: str, t: float, u: list[float]) -> Step:

@@ -37,6 +37,7 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Wall
+from tests.unit.tables import group, swarm_table
 
 OWN = '''
 from dataclasses import dataclass
@@ -186,34 +187,17 @@ def swarm(
     bound=0.0,
     obstacles=(),
     other=None,
-    time=None,
-    adversaries=None,
 ):
     """A table: agent 1 is normal, the others adversaries, all in the plane."""
-    single = {"type": "single-integrator", "speed": scale}
-    group = {"law": {"type": "worst"}, "clock": {"period": period}, "disturbance": {"bound": bound}}
-    dynamics = dynamics or single
-    agents = [group | {"names": ["1"], "role": "normal", "start": [starts[0]]}]
-    agents[0]["dynamics"] = dynamics
-    if len(starts) > 1:
-        names = [str(k) for k in range(2, len(starts) + 1)]
-        agents.append(group | {"names": names, "role": "adversary", "start": starts[1:]})
-        agents[1]["dynamics"] = other or dynamics
-    return {
-        "name": "attack",
-        "duration": duration,
-        "time": time or {},
-        "safety": {
-            "function": function or {"type": "separation", "radius": scale},
-            "rho": 1.0,
-            "alpha": list(alpha),
-            "composition": "lse",
-            "eta": 0.0,
-            "information": "paper",
-        },
-        "obstacles": list(obstacles),
-        "agents": agents,
-    }
+    of_all = {"law": "worst", "speed": scale, "period": period, "disturbance": {"bound": bound}}
+    of_1, of_others = ({"dynamics": d} if d else {} for d in (dynamics, other or dynamics))
+    agents = [group("1", "normal", starts[:1], **of_all, **of_1)]
+    if others := " ".join(str(k) for k in range(2, len(starts) + 1)):
+        agents.append(group(others, "adversary", starts[1:], **of_all, **of_others))
+    safety = {"rho": 1.0, "alpha": list(alpha), "composition": "lse", "information": "paper"}
+    safety |= {"eta": 0.0} | ({"function": function} if function else {})
+    fields = {"duration": duration, "obstacles": list(obstacles)}
+    return swarm_table(*agents, radius=scale, safety=safety, **fields)
 
 
 @pytest.mark.parametrize("kind", ["zone", "ring", "grid", "bearing", "wall"])
