@@ -643,34 +643,25 @@ def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
     """Three groups and two obstacles; who moves is held where it is by a disturbance."""
     positions = rng.uniform(-4.0, 4.0, (8, 2))
     groups = [
-        {
-            "names": names,
-            "role": role,
-            "dynamics": {"type": kind, "speed": speed} | turning,
-            "law": {"type": "worst"},
-            "clock": {"period": period},
-            "disturbance": {"bound": speed + 0.1},
-            "start": [positions[int(name) - 1].tolist() + [0.0] * len(turning) for name in names],
-        }
+        group(
+            names,
+            role,
+            [positions[int(name) - 1].tolist() + [0.0] * len(turning) for name in names.split()],
+            "worst",
+            period=period,
+            dynamics={"type": kind, "speed": speed} | turning,
+            disturbance={"bound": speed + 0.1},
+        )
         for names, role, kind, speed, turning, period in (
-            (["1", "2"], "normal", "single-integrator", 0.5, {}, 0.03),
-            (["3", "4"], "normal", "unicycle", 0.4, {"turn_rate": 0.4}, 0.05),
-            (["5", "6"], "adversary", "single-integrator", 0.3, {}, 0.04),
+            ("1 2", "normal", "single-integrator", 0.5, {}, 0.03),
+            ("3 4", "normal", "unicycle", 0.4, {"turn_rate": 0.4}, 0.05),
+            ("5 6", "adversary", "single-integrator", 0.3, {}, 0.04),
         )
     ]
-    scenario = Scenario.model_validate(
-        {
-            "name": "mixed",
-            "duration": 0.2,
-            "safety": {
-                "function": {"type": "separation", "radius": 1.0},
-                "rho": 1.0, "alpha": [1.0], "eta": 0.0,
-            },
-            "obstacles": [{"center": c, "clearance": 1.0} for c in positions[6:].tolist()],
-            "agents": groups,
-        }
-    )  # fmt: skip
-    x = [number for group in scenario.agents for start in group.start for number in start]
+    spheres = [{"center": c, "clearance": 1.0} for c in positions[6:].tolist()]
+    safety = {"rho": 1.0, "eta": 0.0}
+    scenario = load(swarm_table(*groups, safety=safety, duration=0.2, obstacles=spheres))
+    x = [number for part in scenario.agents for start in part.start for number in start]
     times = np.sort(rng.uniform(0.0, 0.2, 30))
     states = [State(float(t), x, 0.0) for t in (0.0, *times, 0.2)]
     steps = [

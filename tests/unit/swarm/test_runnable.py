@@ -8,6 +8,7 @@ from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
+from tests.unit.tables import group, swarm_table
 
 MODULE = """
 from dataclasses import dataclass
@@ -30,46 +31,19 @@ class Touchy:
         return obstacle.clearance - ca.norm_2(a.p - obstacle.center)
 """
 COUNT = 60
-SCENARIO = """
-name = "many"
-duration = 1.0
-
-[safety]
-function = {{ type = "distance", radius = 0.5 }}
-rho = 5.0
-alpha = [1.0]
-eta = 0.1
-composition = "pairs"
-neighbourhood = 3.0
-
-[[agents]]
-names = {names}
-role = "normal"
-dynamics = {{ type = "single-integrator", speed = 1.0 }}
-law = {{ type = "track", gains = [1.0] }}
-clock = {{ period = 0.01 }}
-start = {start}
-
-[[agents]]
-names = ["far"]
-role = "adversary"
-dynamics = {{ type = "single-integrator", speed = 1.0 }}
-law = {{ type = "chase", gains = [1.0] }}
-clock = {{ period = 0.01 }}
-start = [[0.0, 100.0]]
-"""
 
 
 @pytest.fixture
 def many(tmp_path, monkeypatch):
     (tmp_path / "many_own.py").write_text(MODULE)
-    names = [f"a{k}" for k in range(COUNT)]
+    monkeypatch.chdir(tmp_path)
+    names = " ".join(f"a{k}" for k in range(COUNT))
     points = [[2.0 * k, 0.0] for k in range(COUNT - 1)]
     points.append([points[-1][0] + 0.9, 0.0])  # nearer to the one before it than any other two
-    file = tmp_path / "many.toml"
-    file.write_text(SCENARIO.format(names=names, start=points))
-    monkeypatch.chdir(tmp_path)
-    yield lambda *overrides: build_swarm(load(file, overrides))
+    agents = [group(names, "normal", points), group("far", "adversary", [[0.0, 100.0]])]
+    safety = {"eta": 0.1, "composition": "pairs", "neighbourhood": 3.0}
+    table = swarm_table(*agents, function="distance", radius=0.5, safety=safety)
+    yield lambda *overrides: build_swarm(load(table, overrides))
     sys.modules.pop("many_own", None)
 
 

@@ -12,47 +12,27 @@ from phalanx.scenario.load import load
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
+from tests.unit.tables import group, swarm_table
 
-SWARM = """
-name = "relabelled"
-duration = 1.0
-[safety]
-function = { type = "separation", radius = 1.0 }
-rho = 5.0
-alpha = [10.0]
-information = "unknown"
-composition = "COMPOSITION"
-MARGIN
-[formation]
-path = [[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [9.0, 0.0]]
-finish = 2.0
-radius = 1.5
-slots = 4
-[[obstacles]]
-center = [3.0, 1.0]
-clearance = 0.5
-"""
-AGENT = """
-[[agents]]
-names = ["{name}"]
-role = "{role}"
-dynamics = {{ type = "unicycle", speed = {speed}, turn_rate = 2.0, offset = 0.25 }}
-law = {{ type = "{law}" }}
-clock = {{ period = 0.01, jitter = 0.002 }}
-disturbance = {{ bound = 0.3, every = 0.1 }}
-slots = [{slot}]
-"""
+FORMATION = {"path": [[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [9.0, 0.0]], "finish": 2.0,
+             "radius": 1.5, "slots": 4}  # fmt: skip
 
 
-def rows_with(roles: str, composition: str, tmp_path, law: str = "track-velocity") -> SafetyRows:
+def rows_with(roles: str, composition: str, law: str = "track-velocity") -> SafetyRows:
     """Agents "1", "2", ... with these roles, "n" or "a"; faster ones have higher numbers."""
-    margin = 'margin = "local"' if composition == "pairs" else "eta = 1.0"
-    text = SWARM.replace("COMPOSITION", composition).replace("MARGIN", margin)
+    agents = []
     for slot, role in enumerate(roles):
-        role_name = {"n": "normal", "a": "adversary"}[role]
-        text += AGENT.format(name=slot + 1, role=role_name, speed=2 + slot, slot=slot, law=law)
-    (tmp_path / f"{roles}.toml").write_text(text)
-    return build_rows(build_swarm(load(tmp_path / f"{roles}.toml")))
+        name = {"n": "normal", "a": "adversary"}[role]
+        unicycle = {"type": "unicycle", "speed": 2 + slot, "turn_rate": 2.0, "offset": 0.25}
+        agents.append(group(str(slot + 1), name, [], law, dynamics=unicycle, slots=[slot]))
+        agents[-1] |= {"clock": {"period": 0.01, "jitter": 0.002}}
+        agents[-1] |= {"disturbance": {"bound": 0.3, "every": 0.1}}
+        del agents[-1]["start"]  # it starts in its slot
+    safety = {"alpha": [10.0], "information": "unknown", "composition": composition}
+    safety |= {"margin": "local"} if composition == "pairs" else {"eta": 1.0}
+    sphere = {"center": [3.0, 1.0], "clearance": 0.5}
+    table = swarm_table(*agents, safety=safety, formation=FORMATION, obstacles=[sphere])
+    return build_rows(build_swarm(load(table)))
 
 
 def crowded_states(rows: SafetyRows) -> Iterator[np.ndarray]:
@@ -81,30 +61,30 @@ def inputs(rows: SafetyRows) -> list[bytes]:
         pytest.param("lse", "pursue", marks=pytest.mark.nightly),
     ],
 )
-def test_an_agents_inputs_do_not_depend_on_the_roles_of_others(composition, law, tmp_path):
-    first = inputs(rows_with("nnnn", composition, tmp_path, law))
+def test_an_agents_inputs_do_not_depend_on_the_roles_of_others(composition, law):
+    first = inputs(rows_with("nnnn", composition, law))
     assert len(set(first)) > 2
     for roles in ("naaa", "nnaa", "nana", "naan"):
-        assert inputs(rows_with(roles, composition, tmp_path, law)) == first
+        assert inputs(rows_with(roles, composition, law)) == first
 
 
-def test_rows_bind_at_some_of_these_states_so_that_roles_could_have_mattered(tmp_path):
-    rows = rows_with("nnnn", "pairs", tmp_path)
+def test_rows_bind_at_some_of_these_states_so_that_roles_could_have_mattered():
+    rows = rows_with("nnnn", "pairs")
     controller = DistributedController(rows, 0)
     results = [controller(x, (0, 1, 2, 3), 0.0, {}) for x in crowded_states(rows)]
     changed = [not np.allclose(step.decision.u, step.u_nom) for step in results]
     assert sum(changed) > 5
 
 
-def test_an_agent_composes_its_own_pairs_alone(tmp_path):
-    rows = rows_with("nnna", "lse", tmp_path)
+def test_an_agent_composes_its_own_pairs_alone():
+    rows = rows_with("nnna", "lse")
     view = rows.seen_by(1).swarm.safe_set
     assert [view.label(pair) for pair in view.pairs] == ["2-1", "2-3", "2-4", "2-obstacle 0"]
     adversary = rows.seen_by(3)
     assert adversary is rows
 
 
-def test_agents_with_equal_pairs_share_what_is_compiled(tmp_path):
+def test_agents_with_equal_pairs_share_what_is_compiled():
     rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "unknown"})))
     x = rows.swarm.start()
     for i in rows.swarm.normal:
