@@ -11,6 +11,7 @@ from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from tests.layers import layered
+from tests.unit.tables import group, swarm_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own.md"
 
@@ -249,26 +250,18 @@ class Reserve:
     def at_sample(self, row):
         return 0.001 * ca.sqrt(row.chain.set.x[0] + 2.1)
 """
-CALM = """
-name = "calm"
-duration = 2.0
-
-[safety]
-function = { type = "separation", radius = 1.0 }
-rho = 5.0
-alpha = [2.0]
-composition = "lse"
-eta = 0.1
-information = "paper"
-
-[[agents]]
-names = ["red", "blue"]
-role = "normal"
-dynamics = { type = "single-integrator", speed = 2.0 }
-law = { type = "failing:Sail", how = "fine" }
-clock = { period = 0.05, jitter = 0.01 }
-start = [[-2.0, 0.0], [2.0, 0.1]]
-"""
+CALM = swarm_table(
+    group(
+        "red blue",
+        "normal",
+        [[-2.0, 0.0], [2.0, 0.1]],
+        law={"type": "failing:Sail", "how": "fine"},
+        clock={"period": 0.05, "jitter": 0.01},
+    ),
+    safety={"alpha": [2.0], "composition": "lse", "eta": 0.1, "information": "paper"},
+    name="calm",
+    duration=2.0,
+)
 _BY_RED = "agent red failed at sample 10: Sail.input: expected "
 LAWS = {
     "nan": f"{_BY_RED}a numpy array of 2 finite numbers for agent red, got (nan, 0) (failing.py, ",
@@ -288,7 +281,6 @@ def failing(tmp_path_factory):
     """One folder, since a module is imported once."""
     folder = tmp_path_factory.mktemp("failing")
     (folder / "failing.py").write_text(FAILING)
-    (folder / "calm.toml").write_text(CALM)
     return folder
 
 
@@ -300,7 +292,7 @@ def calm(failing, monkeypatch):
 def broken_as(words: str, overrides: dict, engine: str) -> None:
     # With processes the agent is to say so before the plant gives it up, on a busy machine too.
     timeout = 2.0 if engine == "in-process" else 20.0
-    scenario = phalanx.load("calm.toml", {**overrides, "time.timeout": timeout})
+    scenario = phalanx.load(CALM, {**overrides, "time.timeout": timeout})
     run = phalanx.run(scenario, engine=engine)
     assert run.verdict is Outcome.BROKEN
     quoting = r"(agent \w+ failed; it says: ['\"])?"
@@ -339,7 +331,7 @@ def test_a_users_rule_is_asked_before_the_run(calm, link):
     overrides = {"faults": [fault]} if link == "faults" else {f"{link}.rules": rules}
     expected = r"at message 0 from .*Rain\.treat: .* got None"
     with pytest.raises(phalanx.ScenarioError, match=expected):
-        phalanx.run(phalanx.load("calm.toml", overrides), engine="in-process")
+        phalanx.run(phalanx.load(CALM, overrides), engine="in-process")
 
 
 _AT_3 = "agent red failed at sample 3: "
@@ -375,9 +367,7 @@ def test_an_expression_that_has_no_value_in_a_run_ends_it_by_name(calm, how, eng
 def test_it_does_so_whatever_keeps_the_row(calm, setting):
     overrides = ["agents.0.law={ type = 'failing:Left' }", "agents.0.clock={ period = 0.05 }"]
     function = "safety.function={ type = 'failing:Apart', how = 'slope' }"
-    run = phalanx.run(
-        phalanx.load("calm.toml", [*overrides, function, setting]), engine="in-process"
-    )
+    run = phalanx.run(phalanx.load(CALM, [*overrides, function, setting]), engine="in-process")
     assert ": Apart.between: expected a finite h of red and blue" in run.summary.reason
 
 
@@ -387,7 +377,7 @@ def test_an_h_that_has_no_value_in_a_run_ends_it_by_name(calm, engine):
     """The plant or an agent may be the first to see it."""
     function = {"type": "failing:Apart", "how": "value"}
     overrides = {"agents.0.law": {"type": "failing:Left"}, "safety.function": function}
-    run = phalanx.run(phalanx.load("calm.toml", overrides), engine=engine)
+    run = phalanx.run(phalanx.load(CALM, overrides), engine=engine)
     assert run.verdict is Outcome.BROKEN
     assert re.search(
         r"red.*Apart\.between(: expected .* got nan)? \(failing\.py, line ", run.summary.reason

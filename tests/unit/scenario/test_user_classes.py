@@ -13,6 +13,7 @@ from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.dynamics import Dynamics
 from tests.unit.scenario.refusals import cases, refusal
+from tests.unit.tables import group, swarm_table
 
 MODULE = """
 from dataclasses import dataclass
@@ -68,26 +69,11 @@ class Odd:  # CasADi knows it, intervals do not
 
 A_NUMBER = 5
 """
-SCENARIO = """
-name = "own"
-duration = 1.0
-
-[safety]
-function = { type = "swimming_user:Diamond", radius = 1.0 }
-rho = 5.0
-alpha = [1.0]
-composition = "lse"
-eta = 0.3
-information = "paper"
-
-[[agents]]
-names = ["a", "b"]
-role = "normal"
-dynamics = { type = "swimming_user:Swimmer", speed = 2.0 }
-law = { type = "swimming_user:Rest" }
-clock = { period = 0.01 }
-start = [[0.0, 0.0], [5.0, 0.0]]
-"""
+DIAMOND = {"type": "swimming_user:Diamond", "radius": 1.0}
+SAFETY = {"function": DIAMOND, "composition": "lse", "eta": 0.3, "information": "paper"}
+SWIMMER = {"type": "swimming_user:Swimmer", "speed": 2.0}
+AGENTS = group("a b", "normal", [[0.0, 0.0], [5.0, 0.0]], "swimming_user:Rest", dynamics=SWIMMER)
+TABLE = swarm_table(AGENTS, safety=SAFETY, name="own")
 
 
 @pytest.fixture
@@ -98,7 +84,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "broken_user.py").write_text("import no_such_module_at_all\n")
     (tmp_path / "raising_user.py").write_text("raise RuntimeError('not today')\n")
     (tmp_path / "unparsable_user.py").write_text("def\n")
-    (tmp_path / "own.toml").write_text(SCENARIO)
+    (tmp_path / "own.toml").write_text(scenario_text(TABLE))
     monkeypatch.chdir(tmp_path)
     yield tmp_path
     for name in ("swimming_user", "broken_user", "raising_user", "unparsable_user", "foreign_user"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.check import check
-from phalanx.scenario.load import load
+from phalanx.scenario.load import load, scenario_text
 from phalanx.scenario.model import ScenarioError
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
@@ -13,6 +13,7 @@ from phalanx.theory.margins.integrated import IntegratedMargin
 from phalanx.theory.margins.local import LocalMargin
 from phalanx.theory.margins.margin import PairRow, RowPart
 from tests.unit.swarms import rows_of_scenario
+from tests.unit.tables import SPLIT, group, swarm_table
 
 MODULE = """
 from dataclasses import dataclass
@@ -46,27 +47,15 @@ class Subclass(LocalMargin):
     speed: float = 0.0
 """
 
-SCENARIO = """
-name = "own"
-duration = 0.1
-
-[safety]
-function = { type = "separation", radius = 1.0 }
-rho = 5.0
-alpha = [5.0]
-composition = "pairs"
-information = "split"
-margin = { type = "reserves:Reserve", speed = 2.0 }
-
-[[agents]]
-names = ["a", "b"]
-role = "normal"
-dynamics = { type = "single-integrator", speed = 2.0 }
-law = { type = "track-velocity", gain = 1.0 }
-clock = { period = 0.05, jitter = 0.01 }
-disturbance = { bound = 0.25 }
-start = [[-2.0, 0.0], [2.0, 0.0]]
-"""
+AGENTS = group(
+    "a b",
+    "normal",
+    [[-2.0, 0.0], [2.0, 0.0]],
+    clock={"period": 0.05, "jitter": 0.01},
+    disturbance={"bound": 0.25},
+)
+MARGIN = {"alpha": [5.0], "margin": {"type": "reserves:Reserve", "speed": 2.0}}
+TABLE = swarm_table(AGENTS, safety=SPLIT | MARGIN, name="own", duration=0.1)
 MISTAKES = {
     "Pair": "own: Pair.at_sample: expected a scalar, got shape (2,) (reserves.py, line ",
     "Foreign": "own: Foreign.at_sample: expected an expression of its arguments alone, got one",
@@ -80,7 +69,7 @@ def folder(tmp_path_factory):
     """One folder, since a module is imported once."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "reserves.py").write_text(MODULE)
-    (folder / "own.toml").write_text(SCENARIO)
+    (folder / "own.toml").write_text(scenario_text(TABLE))
     return folder
 
 
