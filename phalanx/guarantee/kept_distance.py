@@ -100,7 +100,7 @@ def _directions(rows: SafetyRows, other: int) -> list[Array]:
     point = dynamics.position(x)
     moves = ca.substitute(ca.jacobian(point, x), x, ca.DM.zeros(*x.shape))
     ways = np.linalg.pinv(np.array(ca.DM(moves))).T
-    states = [*ways[:2], (ways[0] + ways[1]) / np.sqrt(2.0)]
+    states = [*ways, (ways[0] + ways[1]) / np.sqrt(2.0)]
     stacked = np.zeros((len(states), swarm.pairs.states))
     stacked[:, swarm.safe_set.parts[other]] = states
     return list(stacked)

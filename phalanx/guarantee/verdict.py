@@ -229,7 +229,7 @@ class FaultCount(msgspec.Struct):
 
     name: str
     """Its field: "network.links.0.loss", "faults.2 (partition)"."""
-    count: int = 0
+    count: int
     """Number of messages, samples or agents affected."""
 
 

@@ -2,11 +2,13 @@
 
 import html
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.panels import agent_text, verdict_text
+from phalanx_viewer.page.panels import CommandPanel, agent_text, verdict_text
+from phalanx_viewer.scene.server import SceneServer
 
 from phalanx.guarantee.verdict import Assumption, judge
 from phalanx.messages.frames import AgentStatus
@@ -45,6 +47,21 @@ def test_without_an_agent_near_there_is_no_residual() -> None:
 def violated(tmp_path: Path) -> Replay:
     scenario = unicycles()
     return Replay(read(record(tmp_path, scenario, drift(scenario), summary_of(scenario))))
+
+
+@pytest.mark.slow
+def test_a_slider_that_a_visitor_moves_stays_there_until_the_run_has_another_loss(
+    violated: Replay,
+) -> None:
+    server = SceneServer("127.0.0.1", 0, "panel")
+    try:
+        panel = CommandPanel(server.gui, SimpleNamespace(real_time=None), "1")
+        for loss, shown in ((0.4, 40), (0.4, 70), (0.1, 10)):
+            panel.show(msgspec.structs.replace(violated.frame(0.0), loss=loss))
+            assert panel._loss.value == shown
+            panel._loss.value = 70
+    finally:
+        server.stop()
 
 
 def test_a_violated_recording_says_so_from_its_beginning(violated: Replay) -> None:
