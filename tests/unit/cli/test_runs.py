@@ -138,6 +138,7 @@ def test_a_command_says_so(command, folders, tmp_path, capfd):
     assert text.lower().count("guaranteed:") == 0
 
 
+@pytest.mark.slow
 def test_the_api_says_so(folders):
     found = phalanx.open(folders[1])
     assert found.verdict is None
@@ -145,6 +146,7 @@ def test_the_api_says_so(folders):
     assert CUT_SHORT.search(found._repr_html_())
 
 
+@pytest.mark.slow
 def test_a_replay_says_so_at_its_beginning_already(folders):
     replay = Replay(read(folders[1]))
     said = verdict_text(replay.frame(0.0), replay.summary, replay.unfinished)

@@ -32,7 +32,7 @@ MODELS: list[Dynamics] = [
     Quadrotor(thrust=4.0, tilt=0.4),
     IdentifiedQuadrotor(3.0, 0.3, 0.11554, 0.05, stiffness=319.14, damping=20.85, drag=0.425),
 ]
-WINDOWS, STEPS = 200, 200
+WINDOWS, STEPS = 100, 200
 
 
 class Windows(NamedTuple):

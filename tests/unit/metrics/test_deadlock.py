@@ -111,7 +111,7 @@ def test_an_agent_that_stands_at_its_goal_moves_or_waits_briefly_is_not(swarm):
 
 
 def test_trembling_in_place_is_deadlock_and_circling_is_not(swarm):
-    t = np.linspace(0.0, 20.0, 1001)
+    t = np.linspace(0.0, 20.0, 401)
     around = np.column_stack([np.cos(t * 2.5), np.sin(t * 2.5)])
     assert seconds(swarm, t, 0.1 * around, (5.0, 0.0)) == pytest.approx(20.0, abs=0.2)
     assert deadlocks(swarm, t, 1.0 * around, (5.0, 0.0)) == []

@@ -58,6 +58,7 @@ def test_nothing_is_captures_of_one_that_is_outrun_nor_of_other_drags():
     assert capture(slow, slow, 0.5).time(np.array([0.5, 0.0]), np.zeros(2), RADIUS) == 0.0
 
 
+@pytest.mark.slow
 def test_at_the_printed_disturbance_no_agent_of_simulation_2_gets_away():
     captures = impossible(swarm_of_scenario("formation3d"))
     assert len(captures.times) == 16

@@ -120,6 +120,7 @@ def test_in_the_moving_frame_a_point_has_less_of_its_inputs_and_its_speed_less_w
     assert point.applied(x, w).tolist() == u.tolist()
 
 
+@pytest.mark.slow
 def test_one_that_is_faster_is_outrun_for_a_time_that_check_says_with_both_speeds():
     fast = {"agents__1__dynamics": {"type": "unicycle", "speed": 2.4, "turn_rate": 2.0}}
     graded = grades(build_swarm(scenario(**LEAVING | fast)))

@@ -123,6 +123,7 @@ HUNTED = {
 """One that wants to pass two slower ones, which close in on it."""
 
 
+@pytest.mark.slow
 def test_pursuers_that_catch_a_unicycle_never_do_if_it_keeps_a_flight():
     assert simulate(scenario(**HUNTED | {"safety__keep": None})).violations
     summary = simulate(scenario(**HUNTED))
@@ -137,6 +138,7 @@ def test_one_that_cannot_hold_a_place_may_flee_all_the_same():
     assert len(grades(build_swarm(scenario(**HUNTED | pushed))).for_ever) == 3
 
 
+@pytest.mark.slow
 def test_what_is_as_fast_as_a_flight_is_outrun_for_a_time():
     fast = {"agents__1__dynamics": {"type": "unicycle", "speed": 4.0, "turn_rate": 1.0}}
     graded = grades(build_swarm(scenario(**HUNTED | fast)))
