@@ -68,7 +68,7 @@ def line(rows: Sequence[Row]) -> str:
     outcomes = [row["outcome"] for row in rows]
     counts = [outcomes.count(outcome) for outcome in ("guaranteed", "safe", "violated")]
     wrong = sum(row["outcome"] == "guaranteed" and row["worst"][1] > 0.0 for row in rows)
-    stand = sum(row["deadlock_since"] is not None for row in rows)
+    stand = sum(bool(row["stand"]) for row in rows)
     failed = sorted({name for row in rows for name in row["failed"]} - {"proven margin"})
     arrived = [row["arrived"] for row in rows]
     all_in = f"{sum(arrived)} of {len(rows)}" if None not in arrived else "–"
@@ -90,7 +90,7 @@ def main() -> None:
         settings = overrides(name, hardship)
         row = rows(name, settings, seed)
         table.setdefault((name, hardship), []).append(row)
-        if row["deadlock_since"] is not None:
+        if row["stand"]:
             cured = rows(name, unstuck(name, settings), seed)
             table.setdefault((name, f"{hardship}, {CURED}"), []).append(cured)
     print(

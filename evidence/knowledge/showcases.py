@@ -49,8 +49,9 @@ MEASURES = (
     "arrival_time",
     "tracking_error_mean",
     "input_deviation_mean",
-    "deadlock_since",
 )
+LAST = 0.5
+"""An agent that stood so shortly before the end stands at the end [s]."""
 Row = dict[str, Any]
 
 
@@ -78,6 +79,7 @@ def measured(scenario: Scenario) -> Row:
     """Run a scenario, and return what that showed."""
     run = phalanx.run(scenario, engine="in-process")
     assert run.summary is not None
+    deadlocks, until = run.summary.deadlocks or (), run.summary.t - LAST
     steps, swarm = run.recording.steps, run.metrics.row(-1, named=True)
     ages = [age for step in steps for _, age in step.ages]
     return {
@@ -85,6 +87,7 @@ def measured(scenario: Scenario) -> Row:
         "worst": [run.summary.worst_pair, run.summary.worst_h],
         "failed": [a.name for a in run.summary.theorem if a.failed],
         "ages": np.percentile(ages, (50, 99)).tolist() if ages else None,
+        "stand": [deadlock.agent for deadlock in deadlocks if deadlock.end > until],
         **{measure: swarm[measure] for measure in MEASURES},
     }
 
