@@ -1,6 +1,6 @@
-"""Measure the network effect by radio over loss, delay and period of broadcasts, in four scenarios.
+"""Measure the network effect by radio over loss, delay and period of broadcasts, in some scenarios.
 
-    python -m evidence.knowledge.effects ROWS [SEEDS]
+    python -m evidence.knowledge.effects ROWS [SEEDS] [SCENARIO ...]
 
 Partitions are left out. The last cell is the control: the same agents see all peers, over the worst
 of these networks. `ROWS` keeps a line of JSON for each run: what is there is not run again.
@@ -74,15 +74,17 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("rows", type=Path)
     arguments.add_argument("seeds", type=int, nargs="?", default=5)
+    arguments.add_argument("scenarios", nargs="*", default=list(DURATIONS))
     chosen = arguments.parse_args()
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str], list[Row]]()
-    for seed, (name, cell, overrides) in product(range(chosen.seeds), list(cells())):
+    wanted = [cell for cell in cells() if cell[0] in chosen.scenarios]
+    for seed, (name, cell, overrides) in product(range(chosen.seeds), wanted):
         table.setdefault((name, cell), []).append(rows(name, overrides, seed))
     heads = [*CELLS, CONTROL]
     for key in ("mean", "above"):
         print(f"\n| {key} [%] | {' | '.join(heads)} | .3 over 0, least |")
         print("|" + (len(heads) + 2) * "---|")
-        for name in DURATIONS:
+        for name in chosen.scenarios:
             values = {cell: [row[key] for row in table[name, cell]] for cell in heads}
             pairs = zip(values["loss .3"], values["loss 0"], strict=True)
             least = min(lossy / clean if clean else np.inf for lossy, clean in pairs)
