@@ -45,6 +45,7 @@ def run(*program: str, **overrides: object) -> phalanx.Run:
     return phalanx.run(load("one-on-one", settings), engine="in-process")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_ends_in_one_line_with_the_programs_name(name: str) -> None:
     does, says = MISTAKES[name]
@@ -56,6 +57,7 @@ def test_a_mistake_ends_in_one_line_with_the_programs_name(name: str) -> None:
     assert not [p for p in psutil.Process().children() if "mine" in p.cmdline()]
 
 
+@pytest.mark.slow
 def test_an_input_outside_u_is_projected_and_counted() -> None:
     does = "print(json.dumps({'u': [99.0, 0.0], 'log': 'fast'}), flush=True)"
     assert set(run(sys.executable, "-c", ANSWER + does).inputs["origin"]) >= {
@@ -63,6 +65,7 @@ def test_an_input_outside_u_is_projected_and_counted() -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_program_has_until_the_earliest_next_sample() -> None:
     does = "d = json.loads(line); print(json.dumps({'u': [d['deadline'] - d['t'], 0]}), flush=True)"
     result = run(sys.executable, "-c", ANSWER + does, **{"agents.0.clock.jitter": 0.002})
@@ -188,6 +191,7 @@ def test_a_line_more_is_an_error_at_the_next_sample_whenever_it_comes(tmp_path: 
         process.ask(b"{}")
 
 
+@pytest.mark.slow
 def test_a_program_gets_no_secret_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PHALANX_SECRET", "s")
     monkeypatch.setenv("PHALANX_COMMAND_SECRET", "c")

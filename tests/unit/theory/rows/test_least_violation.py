@@ -95,6 +95,7 @@ def test_of_inputs_that_violate_equally_the_least_is_taken_and_zeros_have_no_sig
     assert not np.signbit(u[1])
 
 
+@pytest.mark.slow
 @needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
@@ -117,6 +118,7 @@ def test_c_finds_no_vertex_where_python_finds_none(tmp_path):
         assert compiled(np.array(table)) == least_vertex(A, b)
 
 
+@pytest.mark.slow
 @needs_a_compiler
 @pytest.mark.parametrize(
     "change",

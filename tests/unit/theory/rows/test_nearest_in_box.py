@@ -73,6 +73,7 @@ def same(u: np.ndarray | None, other: np.ndarray | None) -> bool:
     return (u is None) is (other is None) and (u is None or u.tobytes() == other.tobytes())
 
 
+@pytest.mark.slow
 @needs_a_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_of_it_computes_the_same_bits(kind, tmp_path, rng):
