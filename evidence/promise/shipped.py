@@ -66,7 +66,9 @@ def run_all(name: str, changes: dict[str, Any], runs: int, duration: float) -> C
     groups, worst = load(name, changes).agents, dict[str, Any]()
     for g, group in enumerate(groups):
         worst |= {f"agents.{g}.disturbance.kind": "adverse"} if group.disturbance.bound else {}
-        worst |= {f"agents.{g}.law": {"type": "worst"}} if group.role == "adversary" else {}
+        # A truck with a goal keeps its way.
+        hunts = group.role == "adversary" and group.goal is None
+        worst |= {f"agents.{g}.law": {"type": "worst"}} if hunts else {}
     for seed in range(runs):
         overrides = changes | NO_FILTER | NETWORKS[seed % 8] | {"duration": duration}
         overrides |= worst if seed % 2 else {}

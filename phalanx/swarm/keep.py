@@ -74,11 +74,16 @@ class Keeper:
         self._point, self._fallback = committed_point(swarm, i), fallback_of(swarm, i)
         self.peers, motion, exits = self._others.peers, self._fallback.motion, self._velocity
         self._farthest = np.full(len(swarm.members), np.inf)
-        """By member, how far W and A of it reach, at any state [m]."""
+        """By member, how far W and A of it reach from its body, at any state [m]."""
+        parts, axes = swarm.safe_set.parts, np.arange(swarm.groups[i].axes)
+        self._bodies = np.array([np.minimum(part.start + axes, part.stop - 1) for part in parts])
+        """By member, the states that are the place of its body, shape (N, axes)."""
         self._alone_until = -np.inf
         """Until then nothing can come near enough to matter [s]."""
         if motion.jumps:
-            self._farthest = self._others.farthest(swarm, motion.longest, exits is not None)
+            offsets = [getattr(member.dynamics, "offset", 0.0) for member in swarm.members]
+            farthest = self._others.farthest(swarm, motion.longest, exits is not None)
+            self._farthest = farthest + np.array(offsets)
         self._closing, self._bounded = self._others.closing(swarm), true_states and motion.jumps
         self.commitment = Commitment(
             self._fallback, self.radius, swarm.scenario.obstacles, self._velocity
@@ -124,9 +129,9 @@ class Keeper:
         """Return whether w leaves room, towards those that are near enough to matter."""
         if t < self._alone_until:
             return True
-        places, members = self._swarm.positions(x), np.array(seen, dtype=np.intp)
-        p, extent = places[self._i], self._fallback.extent(own, w)
-        away = length(places[members] - p) - self._farthest[members] - self.radius - ROUNDING
+        members, (p, _) = np.array(seen, dtype=np.intp), halves(own)
+        extent, ways = self._fallback.extent(own, w), x[self._bodies[members]] - p
+        away = length(ways) - self._farthest[members] - self.radius - ROUNDING
         near = members[~(away > extent)]
         if self._velocity is None and near.tolist() == [self._i]:
             free = self.commitment.obstacles.gap(p)
@@ -134,7 +139,7 @@ class Keeper:
                 self._alone_until = t + self._time_alone(away, free, members)
             if free > extent:
                 return True
-        return self._room(x, near, places, own, w).least >= 0.0
+        return self._room(x, near, self._swarm.positions(x), own, w).least >= 0.0
 
     def _time_alone(self, away: Array, free: float, members: Index) -> float:
         """Return how long nothing can come near, whatever all do [s]."""

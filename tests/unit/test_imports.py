@@ -138,7 +138,7 @@ BUDGET: Mapping[str, int] = {
     "report": 2010,
     "scenario": 1696,
     "schema": 960,
-    "swarm": 2685,
+    "swarm": 2690,
     "theory": 9309,
     "viewer": 5080,
     "wire": 600,
