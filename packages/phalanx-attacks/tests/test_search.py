@@ -12,7 +12,6 @@ from phalanx_attacks.optimisers import OPTIMISERS
 from phalanx_attacks.runner import attack
 from phalanx_attacks.search import Options
 from phalanx_studies.row import Identity, Row, json_text
-from phalanx_studies.store import StudyError
 
 import phalanx
 from phalanx.launcher import interrupt
@@ -247,18 +246,6 @@ def test_a_search_that_ends_before_it_is_where_it_was_keeps_its_files(
     with pytest.raises(KeyboardInterrupt):  # behind the optimiser's rows, before random search
         searched(scenario, tmp_path, Direct(most=0), **{**options, "budget": 12})
     assert {path: path.read_text() for path in before if path.exists()} == before
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_a_larger_budget_goes_on_and_other_options_are_refused(scenario, tmp_path):
-    searched(scenario, tmp_path / "out", budget=8, fresh=0, baseline=False)
-    more = Direct()
-    attacked = searched(scenario, tmp_path / "out", more, budget=16, fresh=0, baseline=False)
-    points = len(attacked.histories[0].finds) + attacked.histories[0].refused
-    assert 0 < more.done < points
-    with pytest.raises(StudyError, match="take another folder"):
-        searched(scenario, tmp_path / "out", budget=16, seed=1)
 
 
 @pytest.mark.slow

@@ -76,6 +76,7 @@ def test_two_that_want_to_pass_one_another_stop_where_a_check_says():
     assert distances[1, 2] == distances[2, 1]
     assert distances[1, 2].distance > 0.5 * (distances[1, 1].distance + distances[2, 2].distance)
     assert "0.062 by sampling period" in str(distances[2, 2])
+    assert kept_distances(build_rows(swarm_of_scenario("unicycles"))) is None, "of one row for all"
 
 
 def test_agents_too_far_apart_to_meet_are_promised_the_whole_run():
