@@ -36,6 +36,8 @@ CELLS: Mapping[str, tuple[float, float, float]] = {
 }
 """Loss, delay [s], and the broadcast period as a multiple of the scenario's."""
 CONTROL = "own sensors"
+WORST = {"network.loss": 0.7, "network.delay": 0.2, "safety.silence": 100.0}
+"""Of the control; a peer unheard for longer than `silence` counts in full."""
 ABOVE = 0.01
 """Steps above this share of U count."""
 
@@ -54,7 +56,7 @@ def cells() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         network = {"network.loss": loss, "network.delay": delay, "faults": []}
         yield name, cell, {**settings(name), "agents.0.radio": radio, **network}
     for name in DURATIONS:
-        worst = {"network.loss": 0.7, "network.delay": 0.2, "faults": []}
+        worst = {**WORST, "faults": []}
         yield name, CONTROL, {**settings(name), "agents.0.radio": None, **worst}
 
 
@@ -66,7 +68,8 @@ def settings(name: str) -> dict[str, Any]:
 def span(values: Sequence[float]) -> str:
     """Return the mean, and the range over seeds, in percent."""
     low, mean, high = (100.0 * f(values) for f in (np.min, np.mean, np.max))
-    return f"{mean:.1f} ({low:.1f} to {high:.1f})" if high else "0"
+    spread = f" ({low:.1f} to {high:.1f})" if len(values) > 1 else ""
+    return f"{mean:.1f}{spread}" if high else "0"
 
 
 def main() -> None:
