@@ -83,6 +83,16 @@ def test_without_one_part_some_chaser_comes_nearer(part, mistaken):
     assert max(excess(mistaken, seed, gaps=lambda: LONGEST) for seed in range(60)) > 0.02
 
 
+def test_samples_that_come_early_let_a_flight_drift_aside_while_it_turns():
+    """At Ω τ off it drives on, and each hold takes off a part of that alone."""
+    flights = Flights(Unicycle(4.0, 2.0, 0.01), 0.0, LONGEST, SHORTEST)
+    x, u, flight = np.array([0.0, 0.0, 2.0 * LONGEST]), np.zeros(2), Flight(0.0, 1.0)
+    wall = Chasers(np.array([[3.0, 1.0]]), *np.zeros((3, 1)))
+    gap = flights.gaps(x, u, flight, wall)[0]
+    least = nearest(x, u, flight, wall, lambda _: 0.0, lambda: SHORTEST, flights.input)
+    assert gap <= least < 1.0 - 0.02
+
+
 def test_a_flight_turns_first_and_then_drives_on_or_back_and_holds_its_heading():
     x = np.array([0.0, 0.0, 0.5])
     assert FLIGHTS.input(x, Flight(0.5 + 2.0, -1.0)).tolist() == [0.0, 2.0]

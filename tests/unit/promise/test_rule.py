@@ -165,6 +165,15 @@ def test_without_one_part_an_agent_leaves_its_tube_or_what_others_expect(motion,
             assert getattr(mistaken, tube)(*counted).gaps(way).max() > 0.0
 
 
+def test_a_tube_has_the_way_of_a_reference_that_a_disturbance_made_faster():
+    fallback, agent = hold(BRAKE), member(BRAKE, [0.0, 0.0, 4.0, 0.0])
+    tube, u = fallback.tube(agent.x, np.zeros(2)), np.array([0.0, 0.0, 1.0, 0.0])
+    agent.move(BRAKE.longest, BRAKE.disturbance * u, 0.0)
+    end = agent.p + agent.x[2:] * (agent.x[2] / (2.0 * BRAKE.authority) + BRAKE.longest)
+    without_tracking = tube._replace(radius=tube.radius - BRAKE.tube)
+    assert -0.02 < without_tracking.gaps(disc(end, 0.0))[0] <= 0.0
+
+
 @pytest.mark.parametrize("motion", [VELOCITIES, BRAKE])
 def test_w_counts_the_reference_that_others_do_not_see(motion):
     # It holds a place, and is at one end of its tube: it may come to be at the other.
