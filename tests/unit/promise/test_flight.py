@@ -84,7 +84,7 @@ def test_without_one_part_some_chaser_comes_nearer(part, mistaken):
 
 
 def test_samples_that_come_early_let_a_flight_drift_aside_while_it_turns():
-    """At Ω τ off it drives on, and each hold takes off a part of that alone."""
+    """It drives on at Ω τ off, and each hold takes off a part of that alone."""
     flights = Flights(Unicycle(4.0, 2.0, 0.01), 0.0, LONGEST, SHORTEST)
     x, u, flight = np.array([0.0, 0.0, 2.0 * LONGEST]), np.zeros(2), Flight(0.0, 1.0)
     wall = Chasers(np.array([[3.0, 1.0]]), *np.zeros((3, 1)))
