@@ -30,7 +30,8 @@ ROOMS = {
         ("phalanx/guarantee/*.py",),
         "tests/unit/guarantee tests/unit/plant/test_claims.py tests/unit/plant/test_judge.py"
         " tests/unit/plant/test_real_time.py tests/process/verdicts/test_check.py"
-        " tests/unit/scenario/test_user_classes.py tests/unit/promise/test_capture.py",
+        " tests/unit/scenario/test_user_classes.py tests/unit/promise/test_capture.py"
+        " tests/unit/plant/test_promise_ledger.py",
     ),
     "proven-filter": Room(
         ("phalanx/guarantee/proven_filter.py",), "tests/unit/guarantee"
