@@ -35,7 +35,7 @@ def report() -> CheckReport:
 @pytest.mark.parametrize(
     ("name", "holding", "failing"),
     [
-        ("largest h at the start", {"psi_at_start": (0.0,)}, {"psi_at_start": (0.5,)}),
+        ("largest h at the start", {"psi_at_start": (0.0, -1.0)}, {"psi_at_start": (0.5, -1.0)}),
         (
             "agents certified at the start",
             {"certified": CertifiedStart(True, {}, {"1": True})},
