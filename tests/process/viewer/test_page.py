@@ -245,6 +245,7 @@ def test_the_page_explains_the_input_at_the_time_shown_and_no_longer_once_it_is_
         assert visitor.explanation is not None
         program = visitor.explanation.program
         assert program is not None
+        program.send_signal(signal.SIGSTOP)  # so that it cannot end by itself before the tab does
         tab.close()
         wait_for(lambda: not page.visitors)
         assert program.wait(60) == -signal.SIGKILL
