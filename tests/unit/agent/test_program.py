@@ -32,7 +32,8 @@ MISTAKES = {
     "too large": ("print('{\"u\": [1e301, 0]}', flush=True)", "expected finite numbers in u"),
     "wrong size": ("print('{\"u\": [0]}', flush=True)", "expected 2 numbers in u for agent 1, got"),
     "floods": (
-        "\n    while True: print('{\"u\": [0, 0]}')",
+        # Lines one by one could each come as the answer to another sample.
+        "\n    while True: print('{\"u\": [0, 0]}\\n' * 99, flush=True)",
         "one line for each sample for agent 1",
     ),
     "10 MB": ("print('x' * 10**7, flush=True)", "a line of at most 65536 bytes for agent 1"),
