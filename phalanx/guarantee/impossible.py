@@ -114,5 +114,5 @@ def _leaves(motion: Motion, speed: float) -> bool:
         fastest = float(motion.velocities.corners[:, 0].max()) if turns else motion.fastest
         return fastest - motion.disturbance > speed
     # Drag takes the same of each component; what is left has to hold the motion against φ.
-    left = motion.acceleration - motion.drag * speed / math.sqrt(motion.axes)
-    return holds_place(replace(motion, acceleration=left))
+    acceleration = motion.acceleration - motion.drag * speed / math.sqrt(motion.axes)
+    return holds_place(replace(motion, acceleration=acceleration))
