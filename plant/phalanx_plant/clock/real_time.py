@@ -172,7 +172,7 @@ class RealTime:
             self._apply(i, u, t)
         commands, changes = self._commands.due(now), self._agents.take_changes()
         due = [i for i in self._schedule.sampling_at(now) if self._may_sample(i)]
-        if commands or due:
+        if commands or changes or due:  # events of this instant come after its state
             self._reach(now)
         for command in commands:
             self._now.append(self._apply_command(command))
