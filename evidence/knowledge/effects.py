@@ -6,15 +6,13 @@ Partitions are left out. The last cell is the control: the same agents see all p
 of these networks. `ROWS` keeps a line of JSON for each run: what is there is not run again.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evidence.knowledge.showcases import SHOWCASES, Row, Rows, radio_of
+from evidence.knowledge.showcases import SHOWCASES, Row, Rows, parse_options, radio_of
 from phalanx.launcher.network_effect import network_effect
 from phalanx.scenario.model import Scenario
 
@@ -74,11 +72,7 @@ def span(values: Sequence[float]) -> str:
 
 def main() -> None:
     """Run seed after seed, and print the table."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("rows", type=Path)
-    arguments.add_argument("seeds", type=int, nargs="?", default=5)
-    arguments.add_argument("scenarios", nargs="*", default=list(DURATIONS))
-    chosen = arguments.parse_args()
+    chosen = parse_options(5, DURATIONS)
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str], list[Row]]()
     wanted = [cell for cell in cells() if cell[0] in chosen.scenarios]
     for seed, (name, cell, overrides) in product(range(chosen.seeds), wanted):

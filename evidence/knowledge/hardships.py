@@ -8,14 +8,12 @@ adversaries already. Where agents stand at the end, all have `unstick` in anothe
 a line of JSON for each run: what is there is not run again.
 """
 
-import argparse
 from collections.abc import Mapping, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import phalanx
-from evidence.knowledge.showcases import SHOWCASES, Row, Rows, measured, radio_of
+from evidence.knowledge.showcases import SHOWCASES, Row, Rows, measured, parse_options, radio_of
 
 AT = 3.0
 """When faults begin [s]."""
@@ -77,11 +75,7 @@ def line(rows: Sequence[Row]) -> str:
 
 def main() -> None:
     """Run seed after seed, and print the table."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("rows", type=Path)
-    arguments.add_argument("seeds", type=int, nargs="?", default=3)
-    arguments.add_argument("scenarios", nargs="*", default=list(SHOWCASES))
-    chosen = arguments.parse_args()
+    chosen = parse_options(3, SHOWCASES)
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str], list[Row]]()
     cells = [
         c for c in product(chosen.scenarios, HARDSHIPS) if c[1] != "stranger" or c[0] == "radio"

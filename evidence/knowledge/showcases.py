@@ -9,7 +9,7 @@ broadcasts take DELAY.
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -133,13 +133,18 @@ def line(rows: Sequence[Row]) -> str:
     )
 
 
+def parse_options(seeds: int, scenarios: Iterable[str]) -> argparse.Namespace:
+    """Read the file of rows, how many seeds, and which scenarios; the latter two by default."""
+    arguments = argparse.ArgumentParser()
+    arguments.add_argument("rows", type=Path)
+    arguments.add_argument("seeds", type=int, nargs="?", default=seeds)
+    arguments.add_argument("scenarios", nargs="*", default=list(scenarios))
+    return arguments.parse_args()
+
+
 def main() -> None:
     """Run seed after seed, and print the table."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("rows", type=Path)
-    arguments.add_argument("seeds", type=int, nargs="?", default=10)
-    arguments.add_argument("scenarios", nargs="*", default=list(SHOWCASES))
-    chosen = arguments.parse_args()
+    chosen = parse_options(10, SHOWCASES)
     rows, table = Rows(chosen.rows, measured), dict[tuple[str, str, float], list[Row]]()
     wanted = [cell for cell in cells() if cell[0] in chosen.scenarios]
     for seed, (name, kind, loss, overrides) in product(range(chosen.seeds), wanted):
